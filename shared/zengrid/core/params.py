@@ -1,0 +1,161 @@
+"""What does not change within a slot: the homes' batteries and meters, the generation facilities, the slot length."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Homes:
+    """Batteries and grid connections of the prosumers; every array is shaped ``(home,)``.
+
+    Parameters
+    ----------
+    capacity_kwh:
+        Battery capacity (the paper's eta, eq. 13; its Table I prints kW and means kWh). 0 means no battery. [kWh]
+    charge_max_kw, discharge_max_kw:
+        Largest charging and discharging power, both given as positive numbers. [kW]
+    soc_min, soc_max:
+        Permitted state of charge, as a fraction of the capacity. [-]
+    charge_efficiency, discharge_efficiency:
+        Stored energy per energy taken in, delivered energy per stored energy taken out. [-]
+    injection_max_kw:
+        Limit of the grid connection in both directions (paper eq. 6). [kW]
+    soc_initial:
+        State of charge at the start of a run, and of each day where it is reset daily. [-]
+    """
+
+    capacity_kwh: Floats
+    charge_max_kw: Floats
+    discharge_max_kw: Floats
+    soc_min: Floats
+    soc_max: Floats
+    charge_efficiency: Floats
+    discharge_efficiency: Floats
+    injection_max_kw: Floats
+    soc_initial: Floats
+
+    @classmethod
+    def of(
+        cls,
+        capacity_kwh: ArrayLike,
+        charge_max_kw: ArrayLike = 2.0,
+        discharge_max_kw: ArrayLike = 2.0,
+        soc_min: ArrayLike = 0.1,
+        soc_max: ArrayLike = 0.9,
+        charge_efficiency: ArrayLike = 1.0,
+        discharge_efficiency: ArrayLike = 1.0,
+        injection_max_kw: ArrayLike = 10.0,
+        soc_initial: ArrayLike = 0.5,
+    ) -> Self:
+        """Build from scalars or sequences, broadcast to one value a home."""
+        given = (
+            capacity_kwh, charge_max_kw, discharge_max_kw, soc_min, soc_max,
+            charge_efficiency, discharge_efficiency, injection_max_kw, soc_initial,
+        )  # fmt: skip
+        arrays = np.broadcast_arrays(*(np.asarray(value, dtype=np.float64) for value in given))
+        return cls(*(np.atleast_1d(array).copy() for array in arrays))
+
+    @property
+    def count(self) -> int:
+        """Number of homes."""
+        return int(self.capacity_kwh.shape[0])
+
+    def take(self, index: ArrayLike) -> Self:
+        """The homes at the given positions, in that order (numpy indexing rules)."""
+        return type(self)(*(getattr(self, f.name)[np.asarray(index)] for f in fields(self)))
+
+    def join(self, others: Self) -> Self:
+        """These homes, followed by the others."""
+        return type(self)(*(np.concatenate([getattr(self, f.name), getattr(others, f.name)]) for f in fields(self)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Facilities:
+    """Generation facilities in the order they are dispatched; every array is shaped ``(facility,)``.
+
+    Running facility ``i`` at ``P`` kW costs ``a P^2 + b P + c`` dollars an hour. Only the first facility has a minimum
+    output; surplus below it is curtailed.
+    """
+
+    p_min_kw: Floats
+    p_max_kw: Floats
+    cost_a: Floats
+    cost_b: Floats
+    cost_c: Floats
+
+    @classmethod
+    def of(
+        cls,
+        p_max_kw: ArrayLike,
+        cost_b: ArrayLike,
+        cost_a: ArrayLike = 0.0,
+        cost_c: ArrayLike = 0.0,
+        p_min_kw: ArrayLike = 0.0,
+    ) -> Self:
+        """Build from scalars or sequences, broadcast to one value a facility."""
+        given = (p_min_kw, p_max_kw, cost_a, cost_b, cost_c)
+        arrays = np.broadcast_arrays(*(np.asarray(value, dtype=np.float64) for value in given))
+        return cls(*(np.atleast_1d(array).copy() for array in arrays))
+
+    @property
+    def count(self) -> int:
+        """Number of facilities."""
+        return int(self.p_max_kw.shape[0])
+
+
+class Market:
+    """Everything ``settle`` needs besides state, action and profiles, with what can be computed once kept ready.
+
+    Parameters
+    ----------
+    homes, facilities:
+        The prosumers and the generation facilities.
+    dt_h:
+        Length of one slot. [h]
+    value_of_lost_load:
+        Price at which the grid is charged for demand its facilities cannot meet. [$/kWh]
+    """
+
+    __slots__ = (
+        "charge_limit_kw", "discharge_limit_kw", "dt_h", "facilities", "facility_before_kw",
+        "facility_floor_kw", "facility_total_kw", "homes", "inverse_capacity", "value_of_lost_load",
+    )  # fmt: skip
+
+    def __init__(self, homes: Homes, facilities: Facilities, dt_h: float, value_of_lost_load: float = 5.0) -> None:
+        if not dt_h > 0:
+            raise ValueError(f"dt_h = {dt_h}: a slot must last longer than 0 h")
+        if facilities.count == 0:
+            raise ValueError("facilities: at least one generation facility is needed")
+        if np.any(facilities.p_min_kw[1:] != 0.0):
+            raise ValueError(
+                f"facilities.p_min_kw = {facilities.p_min_kw.tolist()}: only the first facility can have a minimum"
+            )
+        self.homes = homes
+        self.facilities = facilities
+        self.dt_h = float(dt_h)
+        self.value_of_lost_load = float(value_of_lost_load)
+        # Powers at which a whole battery would be filled or emptied in one slot, per unit of state of charge.
+        self.charge_limit_kw = homes.capacity_kwh / (homes.charge_efficiency * self.dt_h)
+        self.discharge_limit_kw = homes.capacity_kwh * homes.discharge_efficiency / self.dt_h
+        with np.errstate(divide="ignore"):
+            self.inverse_capacity = np.where(homes.capacity_kwh > 0.0, 1.0 / homes.capacity_kwh, 0.0)
+        # Merit order: what the facilities before this one can deliver, and what this one delivers at least.
+        self.facility_before_kw = np.concatenate([[0.0], np.cumsum(facilities.p_max_kw)[:-1]])
+        self.facility_floor_kw = facilities.p_min_kw
+        self.facility_total_kw = float(np.sum(facilities.p_max_kw))
+
+    def with_homes(self, homes: Homes) -> Market:
+        """The same market with another set of homes (someone joined or left)."""
+        return Market(homes, self.facilities, self.dt_h, self.value_of_lost_load)
+
+    def with_capacity(self, capacity_kwh: ArrayLike) -> Market:
+        """The same market with every battery resized, keeping the initial state of charge."""
+        size = np.broadcast_to(np.asarray(capacity_kwh, dtype=np.float64), self.homes.capacity_kwh.shape).copy()
+        return self.with_homes(replace(self.homes, capacity_kwh=size))

@@ -1,0 +1,31 @@
+"""The errors zengrid raises on purpose: each names the thing, its value and what is permitted."""
+
+from __future__ import annotations
+
+
+class ZengridError(Exception):
+    """Base of every error that a user of zengrid can mend."""
+
+
+class ScenarioError(ZengridError):
+    """A scenario or its data is wrong: names the field or file position, the value and the permitted range."""
+
+
+class PolicyError(ZengridError):
+    """A policy cannot be used: unknown name, bad argument, or a file that does not fit the market."""
+
+
+class JournalError(ZengridError):
+    """The journal cannot be read or written, or holds something else than asked for."""
+
+
+class WireError(ZengridError):
+    """A message does not follow the protocol."""
+
+
+class BusError(ZengridError):
+    """A Zenoh session cannot be opened, or nobody answers on it."""
+
+
+class RefusedError(ZengridError):
+    """The clock answered, and said no: the message carries its reason."""
