@@ -1,0 +1,1 @@
+"""The agents: a grid and any number of prosumers, each a process that answers observations."""

@@ -1,0 +1,1 @@
+"""The command line: everything `zengrid` can be told to do."""

@@ -1,0 +1,1 @@
+"""The gateway: HTTP access to a running market and its journal."""

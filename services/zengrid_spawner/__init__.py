@@ -1,0 +1,1 @@
+"""The spawner: supervises prosumer processes on its machine."""

@@ -1,0 +1,1 @@
+"""The vectorised environment and its PettingZoo and Gymnasium adapters."""

@@ -1,0 +1,1 @@
+"""What is settled, and the state to resume from."""

@@ -1,0 +1,1 @@
+"""Learning agents: the only place that knows torch."""

@@ -1,0 +1,1 @@
+"""What decides: rules, optima and trained networks, evaluated with numpy."""

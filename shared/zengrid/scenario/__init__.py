@@ -1,0 +1,1 @@
+"""Validated scenario files, their profiles and day generator, and readers for measured data."""
