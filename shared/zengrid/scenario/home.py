@@ -1,0 +1,96 @@
+"""One home as a file or a joining agent describes it: PV, battery, load, meter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Self
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from zengrid.core.params import Homes
+
+Id = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,62}$", description="Lower-case name of a home or agent.")]
+
+
+class Spec(BaseModel):
+    """Part of a scenario: frozen, unknown fields refused, numbers finite."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True)
+
+
+class BatterySpec(Spec):
+    """A home's battery. The defaults are the paper's, but for the capacity."""
+
+    capacity_kwh: float = Field(default=0.0, ge=0.0, le=1e6, description="Capacity; 0 is a home without battery [kWh].")
+    charge_max_kw: float = Field(default=2.0, ge=0.0, le=1e6, description="Largest charging power [kW].")
+    discharge_max_kw: float = Field(default=2.0, ge=0.0, le=1e6, description="Largest discharging power [kW].")
+    soc_min: float = Field(default=0.1, ge=0.0, le=1.0, description="Lowest permitted state of charge [-].")
+    soc_max: float = Field(default=0.9, ge=0.0, le=1.0, description="Highest permitted state of charge [-].")
+    charge_efficiency: float = Field(default=1.0, gt=0.0, le=1.0, description="Energy stored per energy taken in [-].")
+    discharge_efficiency: float = Field(
+        default=1.0, gt=0.0, le=1.0, description="Energy delivered per energy taken out [-]."
+    )
+    initial_kwh: float | None = Field(
+        default=None, ge=0.0, le=1e6, description="Stored energy at the start; null is half the capacity [kWh]."
+    )
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.soc_min > self.soc_max:
+            raise ValueError(f"soc_min = {self.soc_min:g}: permitted 0 to soc_max = {self.soc_max:g}")
+        low, high = self.soc_min * self.capacity_kwh, self.soc_max * self.capacity_kwh
+        if self.initial_kwh is not None and not low <= self.initial_kwh <= high:
+            raise ValueError(
+                f"initial_kwh = {self.initial_kwh:g}: permitted {low:g} to {high:g} kWh "
+                f"(soc_min to soc_max of capacity_kwh = {self.capacity_kwh:g})"
+            )
+        return self
+
+    @property
+    def soc_initial(self) -> float:
+        """State of charge at the start, within its limits. [-]"""
+        wanted = 0.5 if self.initial_kwh is None or self.capacity_kwh == 0.0 else self.initial_kwh / self.capacity_kwh
+        return min(max(wanted, self.soc_min), self.soc_max)
+
+
+class LoadSpec(Spec):
+    """What a home consumes: a named profile of the scenario's data, scaled."""
+
+    profile: str | None = Field(
+        default=None, max_length=200, description="Load profile of the scenario's data; null takes its first home's."
+    )
+    scale: float = Field(default=1.0, ge=0.0, le=1e6, description="Factor on the profile [-].")
+
+
+class HomeSpec(Spec):
+    """A prosumer's home. ``HomeSpec(id="p4", pv_kw=5, battery={"capacity_kwh": 10})`` is complete."""
+
+    id: Id
+    pv_kw: float = Field(default=0.0, ge=0.0, le=1e6, description="Rated power of the PV system [kW].")
+    tilt_deg: float | None = Field(
+        default=None, ge=0.0, le=90.0, description="Slope of the panels, 0 is flat; null: see the scenario's PV [deg]."
+    )
+    azimuth_deg: float | None = Field(
+        default=None, ge=0.0, le=360.0, description="Where they face, 180 is south; null: see the scenario's PV [deg]."
+    )
+    battery: BatterySpec = BatterySpec()
+    injection_max_kw: float = Field(
+        default=10.0, ge=0.0, le=1e6, description="Limit of the meter in both directions [kW]."
+    )
+    load: LoadSpec = LoadSpec()
+    seed: int = Field(default=0, ge=0, lt=2**63, description="Changes the home's own noise and nothing else.")
+
+
+def homes_params(homes: Sequence[HomeSpec]) -> Homes:
+    """The homes' batteries and meters as arrays for the core, in the given order."""
+    rows = [
+        (
+            home.battery.capacity_kwh, home.battery.charge_max_kw, home.battery.discharge_max_kw,
+            home.battery.soc_min, home.battery.soc_max, home.battery.charge_efficiency,
+            home.battery.discharge_efficiency, home.injection_max_kw, home.battery.soc_initial,
+        )
+        for home in homes
+    ]  # fmt: skip
+    columns = np.ascontiguousarray(np.array(rows, dtype=np.float64).reshape(len(rows), 9).T)
+    return Homes(*columns)
