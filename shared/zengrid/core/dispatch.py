@@ -26,16 +26,12 @@ def dispatch(net_kw: Floats, market: Market) -> tuple[Floats, Floats, Floats]:
     facility_kw, curtailed_kw, unserved_kw:
         ``(..., facility)``, ``(...)``, ``(...)``. [kW]
     """
-    facilities = market.facilities
-    left = net_kw[..., None] - market.facility_before_kw
-    facility_kw = np.minimum(np.maximum(left, market.facility_floor_kw), facilities.p_max_kw)
-    curtailed_kw = np.maximum(market.facility_floor_kw[0] - net_kw, 0.0)
-    unserved_kw = np.maximum(net_kw - market.facility_total_kw, 0.0)
-    return facility_kw, curtailed_kw, unserved_kw
+    left = net_kw[..., None] - market.stage_before_kw
+    raised = np.maximum(left, market.stage_min_kw)
+    stage_kw = np.minimum(raised, market.stage_max_kw)
+    return stage_kw[..., :-1], raised[..., 0] - left[..., 0], stage_kw[..., -1]
 
 
 def facility_cost(facility_kw: Floats, market: Market) -> Floats:
     """Cost of each facility over the slot, ``F_i = (a_i P^2 + b_i P + c_i) dt``, ``(..., facility)``. [$]"""
-    facilities = market.facilities
-    rate = (facilities.cost_a * facility_kw + facilities.cost_b) * facility_kw + facilities.cost_c
-    return rate * market.dt_h
+    return (facility_kw * market.slot_cost_a + market.slot_cost_b) * facility_kw + market.slot_cost_c

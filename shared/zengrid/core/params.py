@@ -124,13 +124,19 @@ class Market:
     """
 
     __slots__ = (
-        "charge_limit_kw", "discharge_limit_kw", "dt_h", "facilities", "facility_before_kw",
-        "facility_floor_kw", "facility_total_kw", "homes", "inverse_capacity", "value_of_lost_load",
+        "battery_min_kw", "dt_h", "facilities", "homes", "injection_min_kw", "kw_per_soc_charged", "kw_per_soc_drawn",
+        "slot_cost_a", "slot_cost_b", "slot_cost_c", "soc_per_kw_charged", "soc_per_kw_drawn",
+        "stage_before_kw", "stage_max_kw", "stage_min_kw", "value_of_lost_load",
     )  # fmt: skip
 
     def __init__(self, homes: Homes, facilities: Facilities, dt_h: float, value_of_lost_load: float = 5.0) -> None:
         if not dt_h > 0:
             raise ValueError(f"dt_h = {dt_h}: a slot must last longer than 0 h")
+        if np.any(homes.charge_efficiency * homes.discharge_efficiency > 1.0):
+            raise ValueError(
+                f"charge_efficiency = {homes.charge_efficiency.tolist()}, discharge_efficiency = "
+                f"{homes.discharge_efficiency.tolist()}: their product is at most 1 for every home"
+            )
         if facilities.count == 0:
             raise ValueError("facilities: at least one generation facility is needed")
         if np.any(facilities.p_min_kw[1:] != 0.0):
@@ -141,15 +147,22 @@ class Market:
         self.facilities = facilities
         self.dt_h = float(dt_h)
         self.value_of_lost_load = float(value_of_lost_load)
-        # Powers at which a whole battery would be filled or emptied in one slot, per unit of state of charge.
-        self.charge_limit_kw = homes.capacity_kwh / (homes.charge_efficiency * self.dt_h)
-        self.discharge_limit_kw = homes.capacity_kwh * homes.discharge_efficiency / self.dt_h
-        with np.errstate(divide="ignore"):
-            self.inverse_capacity = np.where(homes.capacity_kwh > 0.0, 1.0 / homes.capacity_kwh, 0.0)
-        # Merit order: what the facilities before this one can deliver, and what this one delivers at least.
-        self.facility_before_kw = np.concatenate([[0.0], np.cumsum(facilities.p_max_kw)[:-1]])
-        self.facility_floor_kw = facilities.p_min_kw
-        self.facility_total_kw = float(np.sum(facilities.p_max_kw))
+        self.battery_min_kw = -homes.discharge_max_kw
+        self.injection_min_kw = -homes.injection_max_kw
+        # Over one slot: the power at the terminals that fills or empties a whole battery, and what one kW does to it.
+        self.kw_per_soc_charged = homes.capacity_kwh / (homes.charge_efficiency * self.dt_h)
+        self.kw_per_soc_drawn = homes.capacity_kwh * homes.discharge_efficiency / self.dt_h
+        some = homes.capacity_kwh > 0.0
+        self.soc_per_kw_charged = np.divide(1.0, self.kw_per_soc_charged, out=np.zeros(homes.count), where=some)
+        self.soc_per_kw_drawn = np.divide(1.0, self.kw_per_soc_drawn, out=np.zeros(homes.count), where=some)
+        # Merit order: what all stages before this one can deliver, and what this one delivers at least and at most.
+        # The last stage is no facility: it stands for what nobody can produce.
+        self.stage_before_kw = np.concatenate([[0.0], np.cumsum(facilities.p_max_kw)])
+        self.stage_min_kw = np.concatenate([facilities.p_min_kw, [0.0]])
+        self.stage_max_kw = np.concatenate([facilities.p_max_kw, [np.inf]])
+        self.slot_cost_a = facilities.cost_a * self.dt_h
+        self.slot_cost_b = facilities.cost_b * self.dt_h
+        self.slot_cost_c = facilities.cost_c * self.dt_h
 
     def with_homes(self, homes: Homes) -> Market:
         """The same market with another set of homes (someone joined or left)."""

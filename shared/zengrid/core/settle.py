@@ -37,24 +37,25 @@ def settle(soc: Floats, action: Action, exogenous: Exogenous, market: Market) ->
         With ``soc`` the state to continue from.
     """
     dt_h = market.dt_h
-    buy_price = np.asarray(action.buy_price, dtype=np.float64)
-    sell_price = np.asarray(exogenous.sell_price, dtype=np.float64)
+    # Money for one kW over the whole slot [$/kW]; [()] turns an array without axes into a number, which is faster.
+    bought = np.asarray(action.buy_price)[()] * dt_h
+    sold = np.asarray(exogenous.sell_price)[()] * dt_h
     battery_kw, soc_after = battery_step(soc, action.battery_kw, market)
     injection_kw, export_kw, import_kw, home_curtailed_kw, home_unserved_kw = meter(
         exogenous.pv_kw - exogenous.load_kw - battery_kw, market
     )
 
     consumer_kw = total(exogenous.consumer_kw)
+    supply_kw = total(export_kw)
     demand_kw = consumer_kw + total(import_kw)
-    facility_kw, curtailed_kw, unserved_kw = dispatch(demand_kw - total(export_kw), market)
+    facility_kw, curtailed_kw, unserved_kw = dispatch(demand_kw - supply_kw, market)
 
     cost = facility_cost(facility_kw, market)
-    payment = export_kw * (buy_price * dt_h)[..., None]
-    bill = import_kw * (sell_price * dt_h)[..., None] - payment
-    consumer_payment = consumer_kw * sell_price * dt_h
-    revenue = demand_kw * sell_price * dt_h
+    payment = export_kw * bought[..., None]
+    bill = import_kw * sold[..., None] - payment
+    revenue = demand_kw * sold
     lost_load_cost = unserved_kw * (market.value_of_lost_load * dt_h)
-    profit = revenue - total(cost) - total(payment) - lost_load_cost
+    profit = revenue - total(cost) - supply_kw * bought - lost_load_cost
     return Settlement(
         soc=soc_after,
         battery_kw=battery_kw,
@@ -65,7 +66,7 @@ def settle(soc: Floats, action: Action, exogenous: Exogenous, market: Market) ->
         home_unserved_kw=home_unserved_kw,
         payment=payment,
         bill=bill,
-        consumer_payment=consumer_payment,
+        consumer_payment=consumer_kw * sold,
         demand_kw=demand_kw,
         facility_kw=facility_kw,
         facility_cost=cost,
@@ -79,4 +80,5 @@ def settle(soc: Floats, action: Action, exogenous: Exogenous, market: Market) ->
 
 def total(values: Floats) -> Floats:
     """Sum over the last axis in an order that does not depend on the leading axes."""
-    return np.asarray(np.add.reduce(np.ascontiguousarray(values), axis=-1))
+    summed: Floats = np.add.reduce(np.ascontiguousarray(values), axis=-1)
+    return summed
