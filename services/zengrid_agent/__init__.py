@@ -1,1 +1,1 @@
-"""The agents: a grid and any number of prosumers, each a process that answers observations."""
+"""Agents: the grid agent sets the buy price, prosumer agents command batteries; each is a process of its own."""

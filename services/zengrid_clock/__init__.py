@@ -1,1 +1,1 @@
-"""The clock: owns time, the environment, settlement and the journal; the hub of a market."""
+"""The clock: owns the environment, time, settlement and the journal; the hub every agent connects to."""

@@ -1,0 +1,125 @@
+"""One agent's life: join, answer observation after observation, come back when the clock does, leave."""
+
+from __future__ import annotations
+
+import secrets
+import signal
+import sys
+import threading
+from abc import ABC, abstractmethod
+from types import FrameType
+from typing import Generic, TypeVar
+
+from zengrid.bus.agent import AgentLink, Arrival
+from zengrid.errors import ZengridError
+from zengrid.wire.codec import decode, encode
+from zengrid.wire.requests import JoinReply, JoinRequest, PolicyReply, PolicyRequest
+from zengrid.wire.slots import FleetAction, FleetObservation, GridAction, GridObservation
+
+Seen = TypeVar("Seen", GridObservation, FleetObservation)
+
+
+class Stop(Exception):  # noqa: N818 - asked for, not an error
+    """A signal asked this process to end."""
+
+
+class AgentSession(ABC, Generic[Seen]):
+    """Plays one agent until the market is over or a signal asks to stop.
+
+    Parameters
+    ----------
+    link:
+        The agent's connection.
+    wish:
+        What it joins with; ``instance`` tells this process apart from others of the same name.
+    """
+
+    observation: type[Seen]
+
+    def __init__(self, link: AgentLink, wish: JoinRequest) -> None:
+        self.link = link
+        self.wish = wish
+        self._refused: ZengridError | None = None
+        self._joined = threading.Event()
+
+    @abstractmethod
+    def welcome(self, market: JoinReply) -> None:
+        """Get ready for the market that was joined; called again when the clock was restarted."""
+
+    @abstractmethod
+    def act(self, seen: Seen) -> GridAction | FleetAction:
+        """Answer an observation."""
+
+    @abstractmethod
+    def answer(self, wish: PolicyRequest) -> PolicyReply:
+        """What the policy would do."""
+
+    def live(self) -> int:
+        """Join, then answer until the end; returns the exit code."""
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, _stop)
+        try:
+            self._join()
+            self.link.serve_policy(self.answer)
+            self.link.watch_clock(self._clock_changed)
+            while self._answer_next():
+                pass
+        except Stop:
+            if self.wish.homes:
+                # Homes that came with this process leave with it.
+                self.link.leave(self.wish.instance)
+        if self._refused is not None:
+            raise self._refused
+        return 0
+
+    def _join(self) -> None:
+        market = self.link.join(self.wish)
+        self.welcome(market)
+        say(f"{self.wish.agent} is in {market.run} ({market.scenario}) from day {market.day}, slot {market.slot} on")
+
+    def _answer_next(self) -> bool:
+        """Wait for an observation and answer it; False when the market is over."""
+        arrival = self.link.receive()
+        if arrival is None:
+            return False
+        # After a pause of this process only the newest is still awaited.
+        while (newer := self.link.pending()) is not None:
+            if not self._note(arrival):
+                return False
+            arrival = newer
+        seen = decode(self.observation, arrival.payload, arrival.encoding)
+        if seen.phase == "end":
+            return False
+        self.link.act(encode(self.act(seen), arrival.encoding), arrival.encoding)
+        return True
+
+    def _note(self, arrival: Arrival) -> bool:
+        """An observation that came too late to be answered; False where it is the end."""
+        return decode(self.observation, arrival.payload, arrival.encoding).phase != "end"
+
+    def _clock_changed(self, came: bool) -> None:
+        if not came:
+            say(f"{self.wish.agent}: the clock is away; waiting for it")
+        elif self._joined.is_set():
+            # A new clock may not know this process: joining again is harmless.
+            try:
+                self._join()
+            except ZengridError as error:
+                self._refused = error
+                self.link.close()
+        else:
+            self._joined.set()
+
+
+def new_instance() -> str:
+    """A name for this process that no other will choose."""
+    return secrets.token_hex(8)
+
+
+def say(text: str) -> None:
+    """One line for whoever started this process."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def _stop(number: int, frame: FrameType | None) -> None:
+    raise Stop

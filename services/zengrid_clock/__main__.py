@@ -1,0 +1,107 @@
+"""``python -m zengrid_clock``: run the clock of one market."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from zengrid.errors import ZengridError
+
+if TYPE_CHECKING:
+    from zengrid_clock.service import Clock
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line of the clock."""
+    from zengrid.bus.keys import DEFAULT_RUN
+    from zengrid.bus.session import DEFAULT_ENDPOINT
+
+    it = argparse.ArgumentParser(prog="zengrid clock", description="Own the environment of a market: time, settlement, journal.")
+    it.add_argument("scenario", nargs="?", default="paper", help="built-in scenario or YAML file (default: %(default)s)")
+    it.add_argument("--data", type=Path, help="folder with the scenario's measured data")
+    it.add_argument("--seed", type=int, help="seed of the days (default: the scenario's)")
+    it.add_argument("--days", type=int, help="end after so many days (default: never)")
+    it.add_argument("--speed", type=parse_speed, default=0.0, metavar="SPEED", help="max, or times real time such as 60x (default: max)")
+    it.add_argument("--deadline", type=float, default=2.0, metavar="S", help="longest wait for a phase's answers (default: %(default)s s)")
+    it.add_argument("--wait", type=float, default=15.0, metavar="S", help="longest wait for the agents before the first slot (default: %(default)s s)")
+    it.add_argument("--paused", action="store_true", help="stand still before the first slot")
+    it.add_argument("--max-homes", type=int, default=100_000, help="most homes this market takes (default: %(default)s)")
+    it.add_argument("--journal", default="zengrid.db", metavar="FILE|URL", help="where settled slots are kept (default: %(default)s)")
+    it.add_argument("--durability", choices=["normal", "full"], default="normal", help="full: survive power loss, not only crashes")
+    it.add_argument("--resume", action="store_true", help="go on with the run of this name in the journal, if it has not ended")
+    it.add_argument("--run", default=os.environ.get("ZENGRID_RUN", DEFAULT_RUN), metavar="NAME", help="name of the market (default: %(default)s)")
+    it.add_argument(
+        "--listen",
+        default=os.environ.get("ZENGRID_LISTEN", DEFAULT_ENDPOINT),
+        metavar="ENDPOINT",
+        help="where agents connect (default: %(default)s)",
+    )
+    it.add_argument("--insecure", action="store_true", help="listen beyond this machine although nobody is authenticated")
+    return it
+
+
+def parse_speed(text: str) -> float:
+    """``max`` -> 0, ``60x`` or ``60`` -> 60."""
+    if text == "max":
+        return 0.0
+    try:
+        speed = float(text.removesuffix("x"))
+    except ValueError:
+        speed = -1.0
+    if not 0 < speed <= 1e9:
+        raise argparse.ArgumentTypeError(f"speed = {text}: give max, or times real time such as 1x, 60x, 0.5x")
+    return speed
+
+
+def open_clock(options: argparse.Namespace, stack: ExitStack) -> Clock:
+    """Put a clock together; what it holds open is closed with the stack."""
+    from zengrid import __version__
+    from zengrid.bus.hub import Hub
+    from zengrid.journal import Journal
+    from zengrid.scenario import load
+    from zengrid_clock.market import LiveMarket
+    from zengrid_clock.resume import restore
+    from zengrid_clock.roster import Roster
+    from zengrid_clock.service import Clock, ClockSettings
+
+    settings = ClockSettings(
+        days=options.days,
+        speed=options.speed,
+        deadline_s=options.deadline,
+        wait_s=options.wait,
+        paused=options.paused,
+        max_homes=options.max_homes,
+    )
+    # The hub first: agents that start at the same time can connect while the rest is made ready.
+    hub = stack.enter_context(Hub(options.run, options.listen, insecure=options.insecure))
+    scenario = load(options.scenario, data=options.data, seed=options.seed)
+    days = scenario.days()
+    market = LiveMarket(scenario, days)
+    roster = Roster(agent.id for agent in scenario.agents)
+    journal = stack.enter_context(Journal.open(options.journal, durability=options.durability))
+    if options.resume and (run := journal.unfinished(options.run)) is not None:
+        clock = Clock(scenario, market, roster, hub, run, settings)
+        restore(clock)
+        return clock
+    run = journal.begin(options.run, scenario.dump(), scenario.seed, __version__)
+    return Clock(scenario, market, roster, hub, run, settings)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the clock until its market ends."""
+    options = parser().parse_args(arguments)
+    try:
+        with ExitStack() as stack:
+            open_clock(options, stack).serve()
+    except ZengridError as error:
+        print(f"zengrid clock: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,220 @@
+"""The clock's front desk: who joins and leaves, what operators ask, and what has been settled so far."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from zengrid.bus.hub import Event
+from zengrid.errors import WireError, ZengridError
+from zengrid.wire.codec import decode, encode
+from zengrid.wire.requests import (
+    ControlRequest,
+    HistoryReply,
+    HistoryRequest,
+    HomeLimits,
+    JoinReply,
+    JoinRequest,
+    LeaveReply,
+    LeaveRequest,
+    RefusalReason,
+)
+from zengrid_clock.records import roster_record, settled_slot
+from zengrid_clock.roster import GRID, RESERVED, Agent
+from zengrid_clock.status import status
+
+if TYPE_CHECKING:
+    from zengrid.journal import Roster as RosterRecord
+    from zengrid.scenario import HomeSpec
+    from zengrid_clock.service import Clock
+
+
+class _No(Exception):  # noqa: N818 - an answer, not a fault of the program
+    def __init__(self, reason: RefusalReason, message: str) -> None:
+        super().__init__(message)
+        self.reason: RefusalReason = reason
+
+
+class Desk:
+    """Answers questions; what changes the market takes effect between two slots."""
+
+    def __init__(self, clock: Clock) -> None:
+        self.clock = clock
+        self.roster_version = 0
+        self._roster_changed = True
+        self._changes: list[Callable[[], None]] = []
+
+    def answer(self, event: Event) -> None:
+        """Answer one question, whatever is wrong with it."""
+        assert event.query is not None
+        try:
+            event.query.reply(self._answer(event))
+        except _No as refusal:
+            event.query.refuse(refusal.reason, str(refusal))
+        except ZengridError as error:
+            event.query.refuse("invalid", str(error))
+
+    def _answer(self, event: Event) -> bytes:
+        if event.kind == "join":
+            return encode(self._join(decode(JoinRequest, event.payload)))
+        if event.kind == "leave":
+            return encode(self._leave(decode(LeaveRequest, event.payload)))
+        return self._control(decode(ControlRequest, event.payload))
+
+    # ---------------------------------------------------------------- joining and leaving
+
+    def _join(self, wish: JoinRequest) -> JoinReply:
+        if self.clock.pace.state == "ended":
+            raise _No("ended", "the market is over")
+        if (wish.role == "grid") != (wish.agent == GRID) or (wish.role == "prosumer" and wish.agent in RESERVED):
+            raise _No("invalid", f"agent = {wish.agent}, role = {wish.role}: the grid agent, and only it, is called grid")
+        agent = self.clock.roster.get(wish.agent)
+        if agent is None:
+            agent = self._admit(wish)
+        elif agent.presence == "present" and agent.instance != wish.instance:
+            raise _No("taken", f"agent = {wish.agent}: another process plays it; choose another id")
+        elif wish.homes is not None and tuple(wish.homes) != self._specs(agent):
+            known = ", ".join(spec.id for spec in self._specs(agent))
+            raise _No("taken", f"agent = {wish.agent}: is in the market already, with the homes {known}")
+        agent.bind(wish)
+        self._roster_changed = True
+        return self._welcome(agent)
+
+    def _admit(self, wish: JoinRequest) -> Agent:
+        """A new agent with new homes: they count from the next slot on."""
+        clock = self.clock
+        if not wish.homes:
+            names = ", ".join(list(clock.roster.prosumers)[:10]) or "none"
+            raise _No("unknown", f"agent = {wish.agent}: not in the scenario, so it must bring homes; the scenario has {names}")
+        taken = set(clock.market.homes) | {s.id for a in clock.roster.joining.values() for s in a.bringing}
+        for i, spec in enumerate(wish.homes):
+            if spec.id in taken or spec.id in {other.id for other in wish.homes[:i]}:
+                raise _No("taken", f"homes.{i}.id = {spec.id}: is in the market already")
+            clock.market.check(spec)
+        if len(taken) + len(wish.homes) > clock.settings.max_homes:
+            raise _No("full", f"homes = {len(taken)} + {len(wish.homes)}: this market takes {clock.settings.max_homes}")
+        agent = Agent(wish.agent, "prosumer", brought=True, bringing=wish.homes)
+        clock.roster.joining[agent.id] = agent
+        self._when_between_slots(lambda: self._enter(agent))
+        return agent
+
+    def _enter(self, agent: Agent) -> None:
+        self.clock.roster.joining.pop(agent.id, None)
+        self.clock.market.add(agent.id, agent.bringing)
+        self.clock.roster.prosumers[agent.id] = agent
+        self._roster_changed = True
+
+    def _leave(self, wish: LeaveRequest) -> LeaveReply:
+        agent = self.clock.roster.get(wish.agent)
+        if agent is None:
+            raise _No("unknown", f"agent = {wish.agent}: not in the market")
+        if agent.instance != wish.instance:
+            raise _No("not_yours", f"agent = {wish.agent}: only the process that plays it can take it out")
+        if agent.role == "grid":
+            raise _No("invalid", "agent = grid: the market cannot be without its grid agent")
+        self._when_between_slots(lambda: self._exit(agent))
+        day, slot = self._next_slot()
+        return LeaveReply(day=day, slot=slot)
+
+    def _exit(self, agent: Agent) -> None:
+        if self.clock.roster.prosumers.pop(agent.id, None) is None:
+            return
+        self.clock.market.remove(agent.id)
+        self.clock.hub.forget(agent.id)
+        self._roster_changed = True
+
+    def _welcome(self, agent: Agent) -> JoinReply:
+        clock, scenario = self.clock, self.clock.scenario
+        day, slot = self._next_slot()
+        return JoinReply(
+            run=clock.hub.keys.run,
+            scenario=scenario.name,
+            day=day,
+            slot=slot,
+            slots_per_day=scenario.slots_per_day,
+            dt_h=scenario.dt_h,
+            deadline_s=clock.settings.deadline_s,
+            buy_prices=tuple(scenario.buy_prices),
+            battery_levels=scenario.battery_levels,
+            sell_prices=tuple(clock.market.sell_prices(day)),
+            soc_reset=scenario.soc_reset,
+            facilities=clock.market.market.facilities.count,
+            homes=tuple(_limits(spec) for spec in self._specs(agent)),
+        )
+
+    def _specs(self, agent: Agent) -> tuple[HomeSpec, ...]:
+        if agent.id in self.clock.market.agents:
+            return tuple(self.clock.market.specs[self.clock.market.agents[agent.id]])
+        return agent.bringing
+
+    def _next_slot(self) -> tuple[int, int]:
+        clock = self.clock
+        if not clock.in_slot:
+            return clock.day, clock.slot
+        later = clock.slot + 1
+        return (clock.day, later) if later < clock.scenario.slots_per_day else (clock.day + 1, 0)
+
+    def _when_between_slots(self, change: Callable[[], None]) -> None:
+        if self.clock.in_slot:
+            self._changes.append(change)
+        else:
+            change()
+
+    def apply_changes(self) -> None:
+        """Let those in and out who asked during the slot."""
+        changes, self._changes = self._changes, []
+        for change in changes:
+            change()
+
+    def changed_roster(self) -> RosterRecord | None:
+        """The roster, where it has changed since it was last journalled."""
+        if not self._roster_changed:
+            return None
+        self._roster_changed = False
+        self.roster_version += 1
+        return roster_record(self.clock, self.roster_version)
+
+    # ---------------------------------------------------------------- operators
+
+    def _control(self, wish: ControlRequest) -> bytes:
+        pace, now = self.clock.pace, time.monotonic()
+        if wish.command == "pause":
+            pace.pause()
+        elif wish.command == "resume":
+            pace.start(now)
+        elif wish.command == "step":
+            pace.step(wish.slots, now)
+        elif wish.command == "speed":
+            if wish.speed is None:
+                raise WireError("speed: needs a number: times faster than real time, 0 for as fast as answers come")
+            pace.set_speed(wish.speed, now)
+        elif wish.command == "stop":
+            pace.end()
+        return encode(status(self.clock, homes=wish.homes))
+
+    def history(self, payload: bytes) -> bytes:
+        """Settled slots from a position on; runs beside the market, in a thread of its own."""
+        wish = decode(HistoryRequest, payload)
+        records = self.clock.run.records(since=wish.since, limit=wish.limit)
+        dt_h = self.clock.scenario.dt_h
+        slots = tuple(settled_slot(self.clock.run, record, dt_h, homes=wish.homes) for record in records)
+        following = slots[-1].position + 1 if slots else wish.since
+        return encode(HistoryReply(run=self.clock.hub.keys.run, next=following, slots=slots))
+
+
+def _limits(spec: HomeSpec) -> HomeLimits:
+    battery = spec.battery
+    return HomeLimits(
+        id=spec.id,
+        pv_kw=spec.pv_kw,
+        capacity_kwh=battery.capacity_kwh,
+        charge_max_kw=battery.charge_max_kw,
+        discharge_max_kw=battery.discharge_max_kw,
+        soc_min=battery.soc_min,
+        soc_max=battery.soc_max,
+        charge_efficiency=battery.charge_efficiency,
+        discharge_efficiency=battery.discharge_efficiency,
+        injection_max_kw=spec.injection_max_kw,
+        soc_initial=battery.soc_initial,
+    )

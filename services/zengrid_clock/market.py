@@ -1,0 +1,179 @@
+"""The environment of the live market: its homes, what the day brings them, and the twin without demand response."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zengrid.core.baselines import conventional
+from zengrid.core.settle import settle
+from zengrid.core.state import Action, Exogenous, Settlement
+from zengrid.scenario import homes_params
+
+if TYPE_CHECKING:
+    from zengrid.journal import SlotRecord
+    from zengrid.scenario import Days, HomeSpec, Scenario
+
+Floats = NDArray[np.float64]
+
+
+class LastSlot(NamedTuple):
+    """What agents are told of the last settled slot; per home it follows the homes that come and go."""
+
+    payment: Floats
+    bill: Floats
+    battery_kw: Floats
+    injection_kw: Floats
+    facility_cost: Floats
+    demand_kw: float
+    profit: float
+
+    def with_homes(self, change: Callable[[Floats], Floats]) -> LastSlot:
+        """The same slot with another set of homes."""
+        return self._replace(**{name: change(getattr(self, name)) for name in LastSlot._fields[:4]})
+
+
+class LiveMarket:
+    """One market, slot after slot, with homes that come and go.
+
+    Beside the real market runs its twin without demand response: the same homes on the same days under the
+    conventional rule and price. It depends on nobody's action, so it is computed while the market waits for answers.
+    """
+
+    def __init__(self, scenario: Scenario, days: Days) -> None:
+        self.scenario = scenario
+        self.day = -1
+        self._days = days
+        self._conventional_price = np.float64(scenario.conventional_buy_price)
+        self.agents: dict[str, slice] = {}
+        self.specs: list[HomeSpec] = list(scenario.homes)
+        self.homes: tuple[str, ...] = scenario.home_ids
+        self.market = scenario.market()
+        start = 0
+        for agent in scenario.agents:
+            self.agents[agent.id] = slice(start, start + len(agent.homes))
+            start += len(agent.homes)
+        initial = self.market.homes.soc_initial
+        self.soc, self.conventional_soc = initial.copy(), initial.copy()
+        self.bill_total, self.conventional_bill_total = np.zeros(len(self.homes)), np.zeros(len(self.homes))
+        self.last: LastSlot | None = None
+
+    @property
+    def slots_per_day(self) -> int:
+        """Slots of a day."""
+        return self.scenario.slots_per_day
+
+    def begin_day(self, day: int) -> None:
+        """Load what a day brings; reset the batteries where the scenario says so."""
+        self.day = day
+        self._profile = self._days.day(day)
+        known = len(self.scenario.homes)
+        if self.specs != list(self.scenario.homes):
+            # Homes that joined bring their own columns; those of homes that left are dropped.
+            columns = {spec.id: i for i, spec in enumerate(self.scenario.homes)}
+            joined = {s.id: self._days.home_day(s, day) for s in self.specs if columns.get(s.id, known) == known}
+            pv = [joined[s.id][0] if s.id in joined else self._profile.pv_kw[:, columns[s.id]] for s in self.specs]
+            load = [joined[s.id][1] if s.id in joined else self._profile.load_kw[:, columns[s.id]] for s in self.specs]
+            self._profile = self._profile._replace(pv_kw=_columns(pv, self), load_kw=_columns(load, self))
+
+    def sell_prices(self, day: int) -> list[float]:
+        """The posted tariff of a day, one price a slot. [$/kWh]"""
+        profile = self._profile if day == self.day else self._days.day(day)
+        return [float(price) for price in profile.sell_price]
+
+    def check(self, spec: HomeSpec) -> None:
+        """Raise ScenarioError where this market has no profile for a home."""
+        self._days.home_day(spec, max(self.day, 0))
+
+    def reset_batteries(self) -> None:
+        """Start the day with the initial stored energy (``soc_reset: daily``)."""
+        initial = self.market.homes.soc_initial
+        self.soc, self.conventional_soc = initial.copy(), initial.copy()
+
+    def profile(self, slot: int) -> Exogenous:
+        """PV, loads and tariff of one slot of the current day."""
+        return self._profile.slot(slot)
+
+    def settle_conventional(self, exogenous: Exogenous) -> Settlement:
+        """The same slot without demand response."""
+        command = conventional(exogenous.pv_kw, exogenous.load_kw, self.market.homes)
+        return settle(self.conventional_soc, Action(self._conventional_price, command), exogenous, self.market)
+
+    def fallback(self, exogenous: Exogenous) -> Floats:
+        """Commands for homes whose agent does not answer: the conventional rule."""
+        return conventional(exogenous.pv_kw, exogenous.load_kw, self.market.homes)
+
+    def settle(self, action: Action, exogenous: Exogenous) -> Settlement:
+        """What came of a slot; nothing changes before ``advance``."""
+        return settle(self.soc, action, exogenous, self.market)
+
+    def advance(self, settled: Settlement, twin: Settlement) -> None:
+        """Continue from a settled (and journalled) slot."""
+        self.soc, self.conventional_soc = settled.soc, twin.soc
+        self.bill_total += settled.bill
+        self.conventional_bill_total += twin.bill
+        self.last = LastSlot(
+            settled.payment, settled.bill, settled.battery_kw, settled.injection_kw, settled.facility_cost,
+            float(settled.demand_kw), float(settled.profit),
+        )  # fmt: skip
+
+    def restore(self, specs: Sequence[HomeSpec], agents: dict[str, slice], record: SlotRecord) -> None:
+        """Go back to the state that a journal ends with."""
+        self._set_homes(list(specs), agents)
+        self.soc, self.conventional_soc = record.soc.copy(), record.conventional_soc.copy()
+        self.bill_total, self.conventional_bill_total = np.zeros(len(specs)), np.zeros(len(specs))
+        # The same product as in ``settle``, so that what agents see does not depend on where the clock was restarted.
+        payment = np.maximum(record.injection_kw, 0.0) * (record.buy_price * self.scenario.dt_h)
+        self.last = LastSlot(
+            payment, record.bill, record.battery_kw, record.injection_kw, record.facility_cost,
+            record.demand_kw, record.profit,
+        )  # fmt: skip
+
+    def add(self, agent: str, specs: Sequence[HomeSpec]) -> None:
+        """Add an agent's homes behind those that are there."""
+        count = len(self.specs)
+        last = self.last
+        self._set_homes([*self.specs, *specs], {**self.agents, agent: slice(count, count + len(specs))})
+        initial = self.market.homes.soc_initial[count:]
+        self.soc = np.concatenate([self.soc, initial])
+        self.conventional_soc = np.concatenate([self.conventional_soc, initial])
+        zeros = np.zeros(len(specs))
+        self.bill_total = np.concatenate([self.bill_total, zeros])
+        self.conventional_bill_total = np.concatenate([self.conventional_bill_total, zeros])
+        if last is not None:
+            self.last = last.with_homes(lambda old: np.concatenate([old, zeros]))
+        if self.day >= 0:
+            self.begin_day(self.day)
+
+    def remove(self, agent: str) -> None:
+        """Take an agent's homes out."""
+        gone = self.agents[agent]
+        keep = np.r_[0 : gone.start, gone.stop : len(self.specs)]
+        width = gone.stop - gone.start
+        agents = {
+            name: part if part.start < gone.start else slice(part.start - width, part.stop - width)
+            for name, part in self.agents.items()
+            if name != agent
+        }
+        self._set_homes([self.specs[i] for i in keep], agents)
+        self.soc, self.conventional_soc = self.soc[keep], self.conventional_soc[keep]
+        self.bill_total = self.bill_total[keep]
+        self.conventional_bill_total = self.conventional_bill_total[keep]
+        if self.last is not None:
+            self.last = self.last.with_homes(lambda old: old[keep])
+        if self.day >= 0:
+            self.begin_day(self.day)
+
+    def _set_homes(self, specs: list[HomeSpec], agents: dict[str, slice]) -> None:
+        self.specs, self.agents = specs, agents
+        self.homes = tuple(spec.id for spec in specs)
+        self.market = self.market.with_homes(homes_params(specs))
+
+
+def _columns(columns: list[Floats], market: LiveMarket) -> Floats:
+    if not columns:
+        return np.zeros((market.slots_per_day, 0))
+    return np.ascontiguousarray(np.stack(columns, axis=-1))

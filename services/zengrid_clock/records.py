@@ -1,0 +1,126 @@
+"""A settled slot as the journal keeps it, as the public sees it, and as operators see it."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from zengrid.core.state import Exogenous, Settlement
+from zengrid.journal import Roster as RosterRecord
+from zengrid.journal import SlotRecord
+from zengrid.wire.slots import HomeColumns, PublicSlot, SettledSlot
+
+if TYPE_CHECKING:
+    from zengrid.journal import Run
+    from zengrid_clock.service import Clock
+
+
+def slot_record(clock: Clock, settled: Settlement, twin: Settlement, exogenous: Exogenous) -> SlotRecord:
+    """What is journalled of a slot before anybody hears of it."""
+    market = clock.market
+    fallback = np.zeros(len(market.homes), dtype=np.bool_)
+    for agent in clock.roster.prosumers.values():
+        if not agent.acted_last:
+            fallback[market.agents[agent.id]] = True
+    return SlotRecord.of(
+        position=clock.position,
+        day=clock.day,
+        slot=clock.slot,
+        settled_at=time.time(),
+        buy_price=clock.buy_price,
+        exogenous=exogenous,
+        settled=settled,
+        twin=twin,
+        fallback=fallback,
+        grid_fallback=not clock.roster.grid.acted_last,
+        roster_version=clock.desk.roster_version,
+    )
+
+
+def roster_record(clock: Clock, version: int) -> RosterRecord:
+    """Who the columns of the coming records belong to."""
+    agents = tuple(
+        (agent.id, tuple(clock.market.homes[clock.market.agents[agent.id]]), agent.instance)
+        for agent in clock.roster.prosumers.values()
+    )
+    return RosterRecord(
+        version=version,
+        homes=clock.market.homes,
+        specs=tuple(spec.model_dump(mode="json") for spec in clock.market.specs),
+        agents=(("grid", (), clock.roster.grid.instance), *agents),
+    )
+
+
+def public_slot(clock: Clock, record: SlotRecord) -> PublicSlot:
+    """What everybody may know of a slot."""
+    dt_h = clock.scenario.dt_h
+    return PublicSlot.model_construct(
+        v=1,
+        run=clock.hub.keys.run,
+        day=record.day,
+        slot=record.slot,
+        position=record.position,
+        hour=record.slot * dt_h,
+        dt_h=dt_h,
+        state="running" if clock.pace.state == "waiting" else clock.pace.state,
+        buy_price=record.buy_price,
+        sell_price=record.sell_price,
+        demand_kw=record.demand_kw,
+        injection_kw=record.export_kw,
+        facility_kw=record.facility_kw,
+        facility_cost=record.facility_cost,
+        curtailed_kwh=(record.curtailed_kw + record.home_curtailed_kw) * dt_h,
+        unserved_kwh=(record.unserved_kw + record.home_unserved_kw) * dt_h,
+        homes=len(record.soc),
+        acted=tuple(agent.id for agent in clock.roster if agent.acted_last),
+        fell_back=tuple(agent.id for agent in clock.roster if not agent.acted_last),
+    )
+
+
+def settled_slot(run: Run, record: SlotRecord, dt_h: float, *, homes: bool) -> SettledSlot:
+    """A slot as operators see it, from the journal alone."""
+    roster = run.roster(record.roster_version)
+    fell_back = tuple(name for name, missed in zip(roster.homes, record.fallback, strict=True) if missed)
+    missed = set(fell_back)
+    agents = {name: bool(mine) and mine[0] in missed for name, mine, _ in roster.agents}
+    agents["grid"] = record.grid_fallback
+    detail = None
+    if homes:
+        detail = HomeColumns(
+            homes=roster.homes,
+            soc=record.soc,
+            battery_kw=record.battery_kw,
+            injection_kw=record.injection_kw,
+            pv_kw=record.pv_kw,
+            load_kw=record.load_kw,
+            bill=record.bill,
+            conventional_soc=record.conventional_soc,
+            conventional_bill=record.conventional_bill,
+            fell_back=fell_back,
+        )
+    return SettledSlot(
+        run=run.name,
+        day=record.day,
+        slot=record.slot,
+        position=record.position,
+        hour=record.slot * dt_h,
+        dt_h=dt_h,
+        state="running",
+        buy_price=record.buy_price,
+        sell_price=record.sell_price,
+        demand_kw=record.demand_kw,
+        injection_kw=record.export_kw,
+        facility_kw=record.facility_kw,
+        facility_cost=record.facility_cost,
+        curtailed_kwh=(record.curtailed_kw + record.home_curtailed_kw) * dt_h,
+        unserved_kwh=(record.unserved_kw + record.home_unserved_kw) * dt_h,
+        homes=len(roster.homes),
+        acted=tuple(name for name, missing in agents.items() if not missing),
+        fell_back=tuple(name for name, missing in agents.items() if missing),
+        profit=record.profit,
+        conventional_profit=record.conventional_profit,
+        conventional_facility_kw=record.conventional_facility_kw,
+        detail=detail,
+    )

@@ -1,0 +1,294 @@
+"""The clock's loop: one thread takes every event in turn, so that no slot ever sees half a change."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from zengrid.bus.hub import Event, Hub
+from zengrid.core.state import Action, Exogenous
+from zengrid.wire.codec import encode
+from zengrid_clock.actions import read_commands, read_price
+from zengrid_clock.barrier import Barrier, Moment, Refused
+from zengrid_clock.desk import Desk
+from zengrid_clock.latency import Latencies
+from zengrid_clock.market import LiveMarket
+from zengrid_clock.observations import Observer, Settled
+from zengrid_clock.pacing import Pace
+from zengrid_clock.records import public_slot, slot_record
+from zengrid_clock.roster import GRID, Agent, Roster
+from zengrid_clock.totals import Sums
+
+if TYPE_CHECKING:
+    from zengrid.journal import Run, SlotRecord
+    from zengrid.scenario import Scenario
+
+OFFER_INTERVAL_S = 0.1
+"""How often an absent agent is sent an observation, so that a stuck one does not fill its link."""
+IDLE_S = 0.5
+"""Longest wait for an event, so that signals are noticed."""
+EVENTS_PER_LOOK = 1000
+"""Most events handled between two slots, so that a flood cannot stop the market."""
+
+
+@dataclass(frozen=True, slots=True)
+class ClockSettings:
+    """How a clock runs its market."""
+
+    days: int | None = None
+    """Length of the run, or None without end."""
+    speed: float = 0.0
+    """Times faster than real time; 0 as fast as answers come."""
+    deadline_s: float = 2.0
+    wait_s: float = 15.0
+    """How long to wait for the scenario's agents before the first slot."""
+    paused: bool = False
+    max_homes: int = 100_000
+
+
+class Clock:
+    """Runs the market over a hub and a journal until its last day, a stop request, or a signal."""
+
+    def __init__(
+        self, scenario: Scenario, market: LiveMarket, roster: Roster, hub: Hub, run: Run, settings: ClockSettings
+    ) -> None:
+        self.scenario = scenario
+        self.market = market
+        self.roster = roster
+        self.hub = hub
+        self.run = run
+        self.settings = settings
+        self.pace = Pace(scenario.dt_h * 3600.0, settings.speed, settings.deadline_s)
+        self.observer = Observer(hub.keys.run, market)
+        self.desk = Desk(self)
+        self.latencies = Latencies()
+        self.sums = Sums(scenario.dt_h)
+        self.refused: Counter[str] = Counter()
+        self.position = self.day = self.slot = 0
+        self.buy_price = min(scenario.buy_prices)
+        self.in_slot = False
+        self.last_record: SlotRecord | None = None
+        self._unpublished: Callable[[], None] | None = None
+
+    # ---------------------------------------------------------------- lifecycle
+
+    def serve(self) -> None:
+        """Wait for the agents, run the slots, say goodbye."""
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, lambda *_: self.pace.end())
+        self.hub.serve_history(self.desk.history)
+        self.hub.announce()
+        self._gather()
+        while self._wait_for_slot():
+            self._run_slot()
+        self._say_goodbye()
+
+    def _gather(self) -> None:
+        """Wait until the scenario's agents are there; start without those that do not come in time."""
+        until = time.monotonic() + self.settings.wait_s
+        while self.pace.state == "waiting" and not self.roster.everyone_present():
+            left = until - time.monotonic()
+            if left <= 0:
+                break
+            self._take(min(left, IDLE_S), None)
+        if self.pace.state == "waiting":
+            if self.settings.paused:
+                self.pace.pause()
+            else:
+                self.pace.start(time.monotonic())
+
+    def _wait_for_slot(self) -> bool:
+        """Handle events until the next slot is due; False when there is none."""
+        # One look at what has come in keeps joins and controls alive at full speed.
+        for _ in range(EVENTS_PER_LOOK):
+            if not self._take(0.0, None):
+                break
+        while True:
+            if self.settings.days is not None and self.day >= self.settings.days:
+                self.pace.end()
+            if self.pace.state == "ended":
+                return False
+            wait_s = self.pace.wait_s(time.monotonic())
+            if wait_s == 0.0:
+                self.pace.began(time.monotonic())
+                return True
+            self._publish_last()
+            self._take(IDLE_S if wait_s is None else min(wait_s, IDLE_S), None)
+
+    def _say_goodbye(self) -> None:
+        """Tell everyone that it is over, with the last rewards."""
+        self._publish_last()
+        for agent in self.roster:
+            if agent.presence != "away":
+                send = self.hub.observe if agent.presence == "present" else self.hub.offer
+                send(agent.id, *self.observer.farewell(agent, self.day, self.slot))
+        if self.settings.days is not None and self.day >= self.settings.days:
+            self.run.finish()
+
+    # ---------------------------------------------------------------- one slot
+
+    def _run_slot(self) -> None:
+        began = time.perf_counter()
+        self.in_slot = True
+        self._begin_day()
+        exogenous = self.market.profile(self.slot)
+        agents = list(self.roster.prosumers.values())
+
+        barrier = self._open("price", [self.roster.grid], exogenous)
+        # While the grid agent thinks: tell the world of the last slot, and settle this one without demand response.
+        self._publish_last()
+        twin = self.market.settle_conventional(exogenous)
+        command = self.market.fallback(exogenous)
+        self._collect(barrier)
+        self._conclude(barrier, self.roster.grid)
+        self.buy_price = barrier.answers.get(GRID, self.buy_price)
+        priced = time.perf_counter()
+
+        barrier = self._open("battery", agents, exogenous)
+        self._collect(barrier)
+        for agent in agents:
+            self._conclude(barrier, agent)
+            if agent.id in barrier.answers:
+                command[self.market.agents[agent.id]] = barrier.answers[agent.id]
+        answered = time.perf_counter()
+
+        settled = self.market.settle(Action(np.float64(self.buy_price), command), exogenous)
+        record = slot_record(self, settled, twin, exogenous)
+        self.run.commit(record, self.desk.changed_roster())
+        # From here on the slot is a fact: it is in the journal.
+        self.last_record = record
+        self.sums.add(record)
+        self.market.advance(settled, twin)
+        self.observer.settled = Settled(self.day, self.slot, self.buy_price)
+        public = public_slot(self, record)
+        self._unpublished = lambda: self.hub.publish_slot(encode(public))
+        for agent in self.roster:
+            agent.settled = True
+        self._advance()
+        committed = time.perf_counter()
+        self.latencies.add(priced - began, answered - priced, committed - answered, committed)
+
+    def _begin_day(self) -> None:
+        if self.market.day == self.day:
+            return
+        self.market.begin_day(self.day)
+        if self.slot == 0 and self.scenario.soc_reset == "daily":
+            self.market.reset_batteries()
+
+    def _advance(self) -> None:
+        self.position += 1
+        self.slot += 1
+        if self.slot == self.scenario.slots_per_day:
+            self.day, self.slot = self.day + 1, 0
+        self.pace.finished()
+        self.in_slot = False
+        self.desk.apply_changes()
+
+    def _publish_last(self) -> None:
+        if self._unpublished is not None:
+            publish, self._unpublished = self._unpublished, None
+            publish()
+
+    # ---------------------------------------------------------------- one phase
+
+    def _open(self, phase: Any, agents: list[Agent], exogenous: Exogenous) -> Barrier[Any]:
+        """Send everyone its observation and start waiting."""
+        moment = Moment(self.day, self.slot, phase)
+        deadline_s = self.pace.deadline_s
+        barrier: Barrier[Any] = Barrier(
+            moment,
+            [agent.id for agent in agents if agent.presence != "away"],
+            [agent.id for agent in agents if agent.presence == "present"],
+        )
+        now = time.monotonic()
+        for agent in agents:
+            present = agent.id in barrier.waited
+            if not present:
+                recently = agent.offered is not None and now < agent.offered[1] + OFFER_INTERVAL_S
+                if agent.id not in barrier.expected or recently:
+                    continue
+                agent.offered = moment, now
+            if phase == "price":
+                sight = self.observer.grid(agent, self.day, self.slot, exogenous, deadline_s)
+            else:
+                sight = self.observer.fleet(agent, moment, exogenous, self.buy_price, deadline_s)
+            if present:
+                self.hub.observe(agent.id, *sight)
+            else:
+                self.hub.offer(agent.id, *sight)
+        return barrier
+
+    def _collect(self, barrier: Barrier[Any]) -> None:
+        """Take events until nobody is waited for, or the deadline has passed."""
+        deadline = time.monotonic() + self.pace.deadline_s
+        while not barrier.done:
+            left = deadline - time.monotonic()
+            if left <= 0:
+                return
+            self._take(left, barrier)
+
+    def _conclude(self, barrier: Barrier[Any], agent: Agent) -> None:
+        """Write down how an agent fared in this phase."""
+        if agent.id in barrier.answers:
+            agent.counted()
+        elif agent.id in barrier.waiting:
+            agent.missed("deadline")
+        elif agent.id in barrier.waited:
+            agent.missed("gone")
+        else:
+            agent.missed("absent" if agent.presence == "absent" else "away")
+
+    # ---------------------------------------------------------------- events
+
+    def _take(self, timeout_s: float, barrier: Barrier[Any] | None) -> bool:
+        """Handle one event, if one comes within the time."""
+        event = self.hub.receive(timeout_s)
+        if event is None:
+            return False
+        if event.kind == "action":
+            self._take_action(event, barrier)
+        elif event.kind in ("alive", "gone"):
+            self._take_presence(event, barrier)
+        else:
+            self.desk.answer(event)
+        return True
+
+    def _take_action(self, event: Event, barrier: Barrier[Any] | None) -> None:
+        agent = self.roster.get(event.agent)
+        if agent is None:
+            self.refused["unknown_agent"] += 1
+            return
+        # Between two slots nothing is awaited: whatever comes is late (or never was in time).
+        judge = barrier if barrier is not None else Barrier(Moment(self.day, self.slot, "price"), (), ())
+        try:
+            judge.offer(agent.id, lambda: self._read(agent, event, judge.moment))
+        except Refused as refusal:
+            self.refused[refusal.cause] += 1
+            self._welcome_back(agent, refusal)
+
+    def _read(self, agent: Agent, event: Event, moment: Moment) -> tuple[Moment, Any]:
+        run = self.hub.keys.run
+        if agent.role == "grid":
+            return read_price(agent, event.payload, event.encoding, run, moment, self.scenario.buy_prices)
+        homes, mine = self.market.market.homes, self.market.agents[agent.id]
+        return read_commands(agent, event.payload, event.encoding, run, moment, homes, mine)
+
+    def _welcome_back(self, agent: Agent, refusal: Refused) -> None:
+        """An absent agent that answered its last observation within the deadline is waited for again."""
+        if agent.presence == "absent" and agent.offered is not None and agent.offered[0] == refusal.moment:
+            if time.monotonic() - agent.offered[1] <= self.pace.deadline_s:
+                agent.misses = 0
+
+    def _take_presence(self, event: Event, barrier: Barrier[Any] | None) -> None:
+        agent = self.roster.get(event.agent)
+        if agent is None:
+            return
+        agent.token = event.kind == "alive"
+        if not agent.token and barrier is not None:
+            barrier.give_up(agent.id)

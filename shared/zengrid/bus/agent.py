@@ -1,0 +1,104 @@
+"""An agent's side of the bus: observations in, actions out, presence, and questions about its policy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import TracebackType
+from typing import NamedTuple, Self
+
+import zenoh
+from zenoh import handlers
+
+from zengrid.bus.client import request
+from zengrid.bus.keys import Keys
+from zengrid.bus.session import DEFAULT_ENDPOINT, open_client
+from zengrid.errors import ZengridError
+from zengrid.wire.codec import JSON, decode, encode
+from zengrid.wire.requests import JoinReply, JoinRequest, LeaveReply, LeaveRequest, PolicyReply, PolicyRequest, Refusal
+
+BACKLOG = 64
+"""Observations kept for an agent that is slower than the market; the oldest wait, Zenoh holds back the rest."""
+
+
+class Arrival(NamedTuple):
+    """An observation as it came, or (with an empty payload) the sign that the clock came back or went away."""
+
+    payload: bytes
+    encoding: str
+
+
+class AgentLink:
+    """One agent's session. Use it with ``with``; call ``join``, then ``receive`` and ``act`` in turn."""
+
+    def __init__(self, agent: str, run: str, endpoint: str = DEFAULT_ENDPOINT, *, timeout_s: float = 30.0) -> None:
+        self.agent = agent
+        self.keys = Keys(run)
+        self._session = open_client(endpoint, timeout_s=timeout_s)
+        self._token: zenoh.LivelinessToken | None = None
+        try:
+            # The subscriber stands before the token says that this agent is ready: no first observation is lost.
+            self._observations = self._session.declare_subscriber(
+                self.keys.observation(agent), handlers.FifoChannel(BACKLOG)
+            )
+            self._action = self._session.declare_publisher(
+                self.keys.action(agent), congestion_control=zenoh.CongestionControl.BLOCK
+            )
+        except BaseException:
+            self._session.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._session.close()
+
+    def join(self, wish: JoinRequest, timeout_s: float = 10.0) -> JoinReply:
+        """Take part; raises RefusedError with the clock's reason. Joining again with the same instance is harmless."""
+        reply = request(self._session, self.keys.join, wish, JoinReply, timeout_s)
+        if self._token is None:
+            self._token = self._session.liveliness().declare_token(self.keys.alive(self.agent))
+        return reply
+
+    def leave(self, instance: str, timeout_s: float = 5.0) -> LeaveReply:
+        """Take this agent's homes out of the market."""
+        wish = LeaveRequest(agent=self.agent, instance=instance)
+        return request(self._session, self.keys.leave, wish, LeaveReply, timeout_s)
+
+    def receive(self) -> Arrival:
+        """Wait for the newest observation; older ones that were not yet read are skipped by ``receive_all``."""
+        sample = self._observations.recv()
+        return Arrival(sample.payload.to_bytes(), str(sample.encoding))
+
+    def pending(self) -> Arrival | None:
+        """An observation that is there already, or None."""
+        sample = self._observations.try_recv()
+        return None if sample is None else Arrival(sample.payload.to_bytes(), str(sample.encoding))
+
+    def act(self, payload: bytes, encoding: str) -> None:
+        """Send the action."""
+        self._action.put(payload, encoding=encoding)
+
+    def watch_clock(self, on_change: Callable[[bool], None]) -> None:
+        """Call back, in a thread of its own, when the clock comes (True) or goes (False)."""
+
+        def changed(sample: zenoh.Sample) -> None:
+            on_change(sample.kind == zenoh.SampleKind.PUT)
+
+        self._clock = self._session.liveliness().declare_subscriber(self.keys.clock_alive, changed, history=True)
+
+    def serve_policy(self, answer: Callable[[PolicyRequest], PolicyReply]) -> None:
+        """Answer what the policy would do, in a thread of its own."""
+
+        def on_query(query: zenoh.Query) -> None:
+            with query:
+                try:
+                    wish = decode(PolicyRequest, query.payload.to_bytes() if query.payload else b"")
+                    query.reply(query.key_expr, encode(answer(wish)), encoding=JSON)
+                except ZengridError as error:
+                    query.reply_err(encode(Refusal(reason="invalid", message=str(error))), encoding=JSON)
+                except Exception as error:  # the asker must get an answer, whatever went wrong
+                    message = f"{type(error).__name__}: {error}"
+                    query.reply_err(encode(Refusal(reason="unavailable", message=message)), encoding=JSON)
+
+        self._policy = self._session.declare_queryable(self.keys.policy(self.agent), on_query, complete=True)

@@ -1,0 +1,108 @@
+"""Operators and viewers: ask the clock and the agents, follow the market. They take no part in it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import TracebackType
+from typing import Literal, Self, TypeVar
+
+import zenoh
+
+from zengrid.bus.keys import Keys, agent_of
+from zengrid.bus.session import DEFAULT_ENDPOINT, open_client
+from zengrid.errors import BusError, RefusedError
+from zengrid.wire.base import Message
+from zengrid.wire.codec import JSON, decode, encode
+from zengrid.wire.requests import (
+    ControlRequest,
+    HistoryReply,
+    HistoryRequest,
+    PolicyReply,
+    PolicyRequest,
+    Refusal,
+    Status,
+)
+from zengrid.wire.slots import PublicSlot
+
+M = TypeVar("M", bound=Message)
+
+
+def request(session: zenoh.Session, key: str, message: Message, kind: type[M], timeout_s: float) -> M:
+    """Ask whoever answers on a key.
+
+    Raises
+    ------
+    RefusedError
+        With the reason the other side gave.
+    BusError
+        Where nobody answers within the time.
+    """
+    replies = session.get(key, payload=encode(message), encoding=JSON, timeout=timeout_s)
+    for reply in replies:
+        if reply.ok is not None:
+            return decode(kind, reply.ok.payload.to_bytes())
+        if reply.err is not None:
+            refusal = reply.err.payload.to_bytes()
+            if refusal.startswith(b"{"):
+                raise RefusedError(decode(Refusal, refusal).message)
+    raise BusError(f"{key}: nobody answered within {timeout_s:g} s")
+
+
+class Client:
+    """A session that watches and steers. Use it with ``with``."""
+
+    def __init__(self, run: str, endpoint: str = DEFAULT_ENDPOINT, *, timeout_s: float = 5.0) -> None:
+        self.keys = Keys(run)
+        self.timeout_s = timeout_s
+        self.session = open_client(endpoint, timeout_s=timeout_s)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.session.close()
+
+    def control(
+        self,
+        command: Literal["pause", "resume", "step", "speed", "stop", "status"],
+        *,
+        slots: int = 1,
+        speed: float | None = None,
+        homes: bool = True,
+    ) -> Status:
+        """Steer the market, or (``status``) only look."""
+        wish = ControlRequest(command=command, slots=slots, speed=speed, homes=homes)
+        return request(self.session, self.keys.control, wish, Status, self.timeout_s)
+
+    def history(self, since: int = 0, limit: int = 100, *, homes: bool = False) -> HistoryReply:
+        """Settled slots from a position on."""
+        wish = HistoryRequest(since=since, limit=limit, homes=homes)
+        return request(self.session, self.keys.history, wish, HistoryReply, self.timeout_s)
+
+    def ask_policy(self, agent: str, wish: PolicyRequest) -> PolicyReply:
+        """What an agent would do."""
+        return request(self.session, self.keys.policy(agent), wish, PolicyReply, self.timeout_s)
+
+    def latest(self) -> PublicSlot | None:
+        """The last settled slot, or None before the first."""
+        for reply in self.session.get(self.keys.slot, timeout=self.timeout_s):
+            if reply.ok is not None:
+                return decode(PublicSlot, reply.ok.payload.to_bytes())
+        return None
+
+    def follow(self, on_slot: Callable[[bytes], None]) -> zenoh.ext.AdvancedSubscriber:
+        """Call back, in a thread of its own, with each settled slot as JSON, the latest at once."""
+        return zenoh.ext.declare_advanced_subscriber(
+            self.session,
+            self.keys.slot,
+            lambda sample: on_slot(sample.payload.to_bytes()),
+            history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
+        )
+
+    def watch(self, on_change: Callable[[str, bool], None]) -> zenoh.Subscriber:
+        """Call back, in a thread of its own, when the clock (``clock``) or an agent comes or goes."""
+
+        def changed(sample: zenoh.Sample) -> None:
+            on_change(agent_of(str(sample.key_expr)), sample.kind == zenoh.SampleKind.PUT)
+
+        return self.session.liveliness().declare_subscriber(self.keys.anyone_alive, changed, history=True)

@@ -1,0 +1,171 @@
+"""The clock's side of the bus: everything that arrives goes into one bounded queue; everything that leaves, from here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from queue import Empty, SimpleQueue
+from types import TracebackType
+from typing import Any, Literal, NamedTuple, Self
+
+import zenoh
+from zenoh import handlers
+
+from zengrid.bus.keys import Keys, agent_of
+from zengrid.bus.session import DEFAULT_ENDPOINT, open_clock
+from zengrid.errors import ZengridError
+from zengrid.wire.codec import JSON, encode
+from zengrid.wire.requests import Refusal, RefusalReason
+
+INBOX_LIMIT = 20_000
+"""Most messages waiting for the clock; beyond it they are dropped and counted."""
+
+EventKind = Literal["action", "alive", "gone", "join", "leave", "control"]
+
+
+class Query:
+    """A question that the clock answers when it gets to it."""
+
+    def __init__(self, query: zenoh.Query) -> None:
+        self._query = query
+        self.payload = query.payload.to_bytes() if query.payload is not None else b"{}"
+
+    def reply(self, payload: bytes) -> None:
+        """Answer and close the question."""
+        with self._query as query:
+            query.reply(query.key_expr, payload, encoding=JSON)
+
+    def refuse(self, reason: RefusalReason, message: str) -> None:
+        """Refuse with a reason and close the question."""
+        with self._query as query:
+            query.reply_err(encode(Refusal(reason=reason, message=message)), encoding=JSON)
+
+
+class Event(NamedTuple):
+    """One thing that happened: an action, a token that came or went, or a question."""
+
+    kind: EventKind
+    agent: str
+    payload: bytes
+    encoding: str
+    query: Query | None
+
+
+class Hub:
+    """The clock's session, subscriptions and publishers. Use it with ``with``."""
+
+    def __init__(self, run: str, endpoint: str = DEFAULT_ENDPOINT, *, insecure: bool = False) -> None:
+        self.keys = Keys(run)
+        self.dropped = 0
+        self._inbox: SimpleQueue[tuple[EventKind, Any]] = SimpleQueue()
+        self._observation: dict[str, zenoh.Publisher] = {}
+        self._latest = b""
+        self._session = open_clock(endpoint, insecure=insecure)
+        try:
+            self._declare()
+        except BaseException:
+            self._session.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._session.close()
+
+    def _declare(self) -> None:
+        session, keys = self._session, self.keys
+        self._slot = zenoh.ext.declare_advanced_publisher(
+            session,
+            keys.slot,
+            encoding=JSON,
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=zenoh.Priority.DATA_LOW,
+            cache=zenoh.ext.CacheConfig(1),
+            publisher_detection=True,
+        )
+        self._declared = [
+            session.declare_subscriber(keys.actions, self._direct("action")),
+            session.liveliness().declare_subscriber(keys.alive_all, self._direct("alive"), history=True),
+            session.declare_queryable(keys.join, self._direct("join"), complete=True),
+            session.declare_queryable(keys.leave, self._direct("leave"), complete=True),
+            session.declare_queryable(keys.control, self._direct("control"), complete=True),
+            session.declare_queryable(keys.slot, handlers.Callback(self._answer_slot, indirect=False), complete=True),
+        ]
+
+    def announce(self) -> None:
+        """Show that the clock is ready: agents join (again) when they see this token."""
+        self._declared.append(self._session.liveliness().declare_token(self.keys.clock_alive))
+
+    def _direct(self, kind: EventKind) -> handlers.Callback:
+        inbox = self._inbox
+
+        def put(sample: Any) -> None:
+            # Runs on Zenoh's receiving thread: hand over, decide nothing.
+            if inbox.qsize() < INBOX_LIMIT:
+                inbox.put((kind, sample))
+            else:
+                self.dropped += 1
+
+        return handlers.Callback(put, indirect=False)
+
+    def receive(self, timeout_s: float) -> Event | None:
+        """The next event, or None after the time is up (0: only what is there already)."""
+        try:
+            kind, item = self._inbox.get(timeout_s > 0, timeout_s) if timeout_s > 0 else self._inbox.get_nowait()
+        except Empty:
+            return None
+        if kind == "action":
+            return Event(kind, agent_of(str(item.key_expr)), item.payload.to_bytes(), str(item.encoding), None)
+        if kind == "alive":
+            came = item.kind == zenoh.SampleKind.PUT
+            return Event("alive" if came else "gone", agent_of(str(item.key_expr)), b"", "", None)
+        query = Query(item)
+        return Event(kind, "", query.payload, JSON, query)
+
+    def observe(self, agent: str, payload: bytes, encoding: str) -> None:
+        """Send an agent its observation; blocks while its link is full (bounded, then the link is closed)."""
+        publisher = self._observation.get(agent)
+        if publisher is None:
+            publisher = self._session.declare_publisher(
+                self.keys.observation(agent),
+                congestion_control=zenoh.CongestionControl.BLOCK,
+                reliability=zenoh.Reliability.RELIABLE,
+            )
+            self._observation[agent] = publisher
+        publisher.put(payload, encoding=encoding)
+
+    def offer(self, agent: str, payload: bytes, encoding: str) -> None:
+        """Send an absent agent its observation without ever waiting for it."""
+        self._session.put(
+            self.keys.observation(agent), payload, encoding=encoding, congestion_control=zenoh.CongestionControl.DROP
+        )
+
+    def forget(self, agent: str) -> None:
+        """Release what is held for an agent that has left."""
+        publisher = self._observation.pop(agent, None)
+        if publisher is not None:
+            publisher.undeclare()
+
+    def publish_slot(self, payload: bytes) -> None:
+        """Publish a settled slot to everyone; late joiners and plain ``get`` calls see the latest."""
+        self._latest = payload
+        self._slot.put(payload)
+
+    def _answer_slot(self, query: zenoh.Query) -> None:
+        with query:
+            if self._latest:
+                query.reply(self.keys.slot, self._latest, encoding=JSON)
+
+    def serve_history(self, answer: Callable[[bytes], bytes]) -> None:
+        """Answer history questions in a thread of their own, so that long ranges never hold up the market."""
+
+        def on_query(item: zenoh.Query) -> None:
+            query = Query(item)
+            try:
+                query.reply(answer(query.payload))
+            except ZengridError as error:
+                query.refuse("invalid", str(error))
+            except Exception as error:  # the asker must get an answer, whatever went wrong
+                query.refuse("unavailable", f"{type(error).__name__}: {error}")
+
+        self._declared.append(self._session.declare_queryable(self.keys.history, on_query, complete=True))

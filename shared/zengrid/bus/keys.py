@@ -1,0 +1,47 @@
+"""Every key of the protocol; no string of a key stands anywhere else."""
+
+from __future__ import annotations
+
+ROOT = "zengrid/@v1"
+"""The version chunk starts with ``@``: ``zengrid/**`` does not match it, ``zengrid/@v1/**`` does."""
+
+DEFAULT_RUN = "main"
+
+
+class Keys:
+    """Keys of one run."""
+
+    def __init__(self, run: str = DEFAULT_RUN) -> None:
+        self.run = run
+        self.base = base = f"{ROOT}/{run}"
+        self.slot = f"{base}/clock/slot"
+        self.clock_alive = f"{base}/clock/alive"
+        self.join = f"{base}/clock/join"
+        self.leave = f"{base}/clock/leave"
+        self.control = f"{base}/clock/control"
+        self.history = f"{base}/clock/history"
+        self.actions = f"{base}/agent/*/action"
+        self.alive_all = f"{base}/agent/*/alive"
+        self.anyone_alive = f"{base}/**/alive"
+        self._agent = f"{base}/agent"
+
+    def observation(self, agent: str) -> str:
+        """Where the clock tells an agent what it may see."""
+        return f"{self._agent}/{agent}/observation"
+
+    def action(self, agent: str) -> str:
+        """Where an agent answers."""
+        return f"{self._agent}/{agent}/action"
+
+    def alive(self, agent: str) -> str:
+        """An agent's liveliness token."""
+        return f"{self._agent}/{agent}/alive"
+
+    def policy(self, agent: str) -> str:
+        """Where an agent answers what it would do."""
+        return f"{self._agent}/{agent}/policy"
+
+
+def agent_of(key: str) -> str:
+    """The agent in a key such as ``.../agent/p1/action``."""
+    return key.rsplit("/", 2)[1]

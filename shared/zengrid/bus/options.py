@@ -1,0 +1,25 @@
+"""Command-line options that every process on the bus shares; each can come from the environment instead."""
+
+from __future__ import annotations
+
+import argparse
+import os
+
+from zengrid.bus.keys import DEFAULT_RUN
+from zengrid.bus.session import DEFAULT_ENDPOINT
+
+
+def add_bus_options(parser: argparse.ArgumentParser) -> None:
+    """Add ``--connect`` and ``--run``."""
+    parser.add_argument(
+        "--connect",
+        metavar="ENDPOINT",
+        default=os.environ.get("ZENGRID_CONNECT", DEFAULT_ENDPOINT),
+        help="where the market's clock listens (default: %(default)s; environment: ZENGRID_CONNECT)",
+    )
+    parser.add_argument(
+        "--run",
+        metavar="NAME",
+        default=os.environ.get("ZENGRID_RUN", DEFAULT_RUN),
+        help="name of the market (default: %(default)s; environment: ZENGRID_RUN)",
+    )

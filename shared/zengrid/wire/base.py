@@ -1,0 +1,63 @@
+"""What all messages share: strictness, version, identifiers, and columns of numbers as numpy arrays."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler
+from pydantic_core import core_schema
+
+MAX_HOMES = 100_000
+"""Most homes one message may carry."""
+
+AgentId = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,62}$", description="Name of an agent or home.")]
+RunName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,62}$", description="Name of the run, part of every key.")]
+Instance = Annotated[
+    str,
+    Field(
+        min_length=8,
+        max_length=64,
+        description="Random text that one process chooses for itself, so that a second process under its name is told apart.",
+    ),
+]
+Price = Annotated[float, Field(ge=0, le=1000, description="[$/kWh]")]
+
+
+class _ColumnSchema:
+    """Lets pydantic treat a float64 array as a list of finite numbers."""
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        numbers = core_schema.list_schema(core_schema.float_schema(allow_inf_nan=False), max_length=MAX_HOMES)
+        from_json = core_schema.no_info_after_validator_function(_to_array, numbers)
+        return core_schema.json_or_python_schema(
+            json_schema=from_json,
+            python_schema=core_schema.union_schema([core_schema.is_instance_schema(np.ndarray), from_json]),
+            serialization=core_schema.plain_serializer_function_ser_schema(np.ndarray.tolist, return_schema=numbers),
+        )
+
+
+def _to_array(values: list[float]) -> NDArray[np.float64]:
+    return np.array(values, dtype=np.float64)
+
+
+Column = Annotated[NDArray[np.float64], _ColumnSchema, Field(description="One number per home, in the order of the join reply.")]
+"""One number per home, in the order of the join reply: an array in Python, a list in JSON."""
+
+
+class Message(BaseModel):
+    """A message: frozen, unknown fields refused, numbers finite, with a schema version."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    v: Literal[1] = Field(default=1, description="Schema version.")
+
+
+class SlotMessage(Message):
+    """A message that belongs to one slot of one run."""
+
+    run: RunName
+    day: int = Field(ge=0, description="Day of the run, from 0.")
+    slot: int = Field(ge=0, description="Slot of the day, from 0.")

@@ -1,0 +1,207 @@
+"""Questions and answers: joining, leaving, control, status, history, and asking a policy."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from zengrid.scenario.home import HomeSpec
+from zengrid.wire.base import AgentId, Column, Instance, Message, Price, RunName
+from zengrid.wire.slots import SettledSlot
+
+RefusalReason = Literal["invalid", "taken", "full", "unknown", "not_yours", "ended", "unavailable"]
+Speed = Annotated[float, Field(ge=0, le=1e9, description="Times faster than real time; 0 means as fast as answers come.")]
+
+
+class Refusal(Message):
+    """Sent as a Zenoh error reply: why a request was not granted."""
+
+    reason: RefusalReason
+    message: str = Field(description="What was wrong, with which value, and what is allowed.")
+
+
+class JoinRequest(Message):
+    """A process takes over the agent of that name, or brings new homes with it."""
+
+    agent: AgentId
+    role: Literal["grid", "prosumer"]
+    instance: Instance
+    policy: str = Field(default="", max_length=200, description="Name of what decides, for display.")
+    homes: tuple[HomeSpec, ...] | None = Field(
+        default=None, description="Homes to add; null takes over the homes that the scenario gives this agent."
+    )
+    observation: Literal["paper", "public"] = "public"
+    encoding: Literal["json", "binary"] = "json"
+
+
+class HomeLimits(Message):
+    """What an agent must know of a home to command its battery."""
+
+    id: AgentId
+    pv_kw: float = Field(description="Rated PV power [kW].")
+    capacity_kwh: float
+    charge_max_kw: float
+    discharge_max_kw: float
+    soc_min: float
+    soc_max: float
+    charge_efficiency: float
+    discharge_efficiency: float
+    injection_max_kw: float
+    soc_initial: float
+
+
+class JoinReply(Message):
+    """The market an agent has joined, and the slot from which it counts."""
+
+    run: RunName
+    scenario: str
+    day: int
+    slot: int
+    slots_per_day: int
+    dt_h: float = Field(gt=0)
+    deadline_s: float = Field(description="Time to answer a phase [s]; shorter where the market is paced.")
+    buy_prices: tuple[Price, ...] = Field(description="Levels the grid may set [$/kWh].")
+    battery_levels: int = Field(description="Number of command levels a learner uses between its limits.")
+    sell_prices: tuple[Price, ...] = Field(description="Posted tariff, one a slot of the day [$/kWh].")
+    soc_reset: Literal["daily", "never"]
+    facilities: int
+    homes: tuple[HomeLimits, ...] = Field(description="The agent's homes, in the order of all columns.")
+
+
+class LeaveRequest(Message):
+    """Takes an agent and its homes out of the market from the next slot on."""
+
+    agent: AgentId
+    instance: Instance
+
+
+class LeaveReply(Message):
+    """The first slot without the homes."""
+
+    day: int
+    slot: int
+
+
+class ControlRequest(Message):
+    """What an operator may ask the clock."""
+
+    command: Literal["pause", "resume", "step", "speed", "stop", "status"]
+    slots: int = Field(default=1, ge=1, le=1_000_000, description="For `step`: slots to run before pausing again.")
+    speed: Speed | None = Field(default=None, description="For `speed`.")
+    homes: bool = Field(default=True, description="Whether the answer lists the homes.")
+
+
+class AgentStatus(Message):
+    """One agent as the clock sees it."""
+
+    id: AgentId
+    role: Literal["grid", "prosumer"]
+    presence: Literal["present", "absent", "away"] = Field(
+        description="present: waited for; absent: missed several deadlines, served but not waited for; away: no process."
+    )
+    policy: str
+    homes: int
+    acted: int = Field(description="Slots in which its action counted.")
+    fallbacks: int = Field(description="Slots in which the fallback was used.")
+    last_cause: str = Field(description="Why it last fell back, or empty.")
+
+
+class HomesStatus(Message):
+    """All homes now, and their totals since the start of the run."""
+
+    homes: tuple[AgentId, ...]
+    agents: tuple[AgentId, ...] = Field(description="The agent that commands each home.")
+    capacity_kwh: Column
+    pv_rated_kw: Column
+    soc: Column
+    battery_kw: Column
+    injection_kw: Column
+    pv_kw: Column
+    load_kw: Column
+    bill: Column = Field(description="Since the start of the run [$].")
+    conventional_bill: Column = Field(description="The same without demand response [$].")
+
+
+class Totals(Message):
+    """The market's sums since the start of the run, and what they would be without demand response."""
+
+    slots: int
+    profit: float
+    conventional_profit: float
+    bills: float
+    conventional_bills: float
+    reserve_kwh: float = Field(description="Energy from all facilities but the first [kWh].")
+    conventional_reserve_kwh: float
+    curtailed_kwh: float
+    unserved_kwh: float
+
+
+class Latency(Message):
+    """Time from publishing an observation to the last awaited answer, over recent slots [ms]."""
+
+    price_p50_ms: float
+    price_p99_ms: float
+    battery_p50_ms: float
+    battery_p99_ms: float
+    commit_p50_ms: float
+    commit_p99_ms: float
+
+
+class Status(Message):
+    """The clock's answer to every control request."""
+
+    run: RunName
+    scenario: str
+    seed: int
+    state: Literal["waiting", "running", "paused", "ended"]
+    speed: Speed
+    day: int = Field(description="Day of the next slot to be settled.")
+    slot: int = Field(description="Next slot to be settled.")
+    slots_per_day: int
+    dt_h: float
+    days: int | None = Field(description="Length of the run, or null without end.")
+    slots_per_s: float
+    last: SettledSlot | None = Field(description="The last settled slot.")
+    totals: Totals
+    refused: dict[str, int] = Field(description="Refused messages by cause.")
+    latency: Latency
+    agents: tuple[AgentStatus, ...]
+    homes: HomesStatus | None
+
+
+class HistoryRequest(Message):
+    """Settled slots from a journal position on."""
+
+    since: int = Field(default=0, ge=0)
+    limit: int = Field(default=100, ge=1, le=2000)
+    homes: bool = Field(default=False, description="Whether each slot lists its homes.")
+
+
+class HistoryReply(Message):
+    """Settled slots in order; ask again from `next` for more."""
+
+    run: RunName
+    next: int
+    slots: tuple[SettledSlot, ...]
+
+
+class PolicyRequest(Message):
+    """Asks an agent what it would do. Give either raw observation vectors or named quantities through the gateway."""
+
+    observations: tuple[tuple[float, ...], ...] = Field(
+        min_length=1, max_length=10_000, description="Rows in the order of the policy's features."
+    )
+    home: AgentId | None = Field(default=None, description="Whose limits and network to use; null: the agent's first home.")
+
+
+class PolicyReply(Message):
+    """What the agent would do, row by row."""
+
+    agent: AgentId
+    policy: str
+    version: str
+    features: tuple[str, ...]
+    levels: tuple[float, ...] = Field(description="Actions the Q-values stand for; empty where the policy has none.")
+    actions: tuple[float, ...]
+    q_values: tuple[tuple[float, ...], ...] | None
