@@ -152,9 +152,9 @@ class Market:
         # Over one slot: the power at the terminals that fills or empties a whole battery, and what one kW does to it.
         self.kw_per_soc_charged = homes.capacity_kwh / (homes.charge_efficiency * self.dt_h)
         self.kw_per_soc_drawn = homes.capacity_kwh * homes.discharge_efficiency / self.dt_h
-        some = homes.capacity_kwh > 0.0
-        self.soc_per_kw_charged = np.divide(1.0, self.kw_per_soc_charged, out=np.zeros(homes.count), where=some)
-        self.soc_per_kw_drawn = np.divide(1.0, self.kw_per_soc_drawn, out=np.zeros(homes.count), where=some)
+        with np.errstate(divide="ignore"):
+            self.soc_per_kw_charged = np.where(homes.capacity_kwh > 0.0, 1.0 / self.kw_per_soc_charged, 0.0)
+            self.soc_per_kw_drawn = np.where(homes.capacity_kwh > 0.0, 1.0 / self.kw_per_soc_drawn, 0.0)
         # Merit order: what all stages before this one can deliver, and what this one delivers at least and at most.
         # The last stage is no facility: it stands for what nobody can produce.
         self.stage_before_kw = np.concatenate([[0.0], np.cumsum(facilities.p_max_kw)])
