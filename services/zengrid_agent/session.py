@@ -5,12 +5,11 @@ from __future__ import annotations
 import secrets
 import signal
 import sys
-import threading
 from abc import ABC, abstractmethod
 from types import FrameType
 from typing import Generic, TypeVar
 
-from zengrid.bus.agent import AgentLink, Arrival
+from zengrid.bus.agent import AgentLink
 from zengrid.errors import ZengridError
 from zengrid.wire.codec import decode, encode
 from zengrid.wire.requests import JoinReply, JoinRequest, PolicyReply, PolicyRequest
@@ -39,8 +38,8 @@ class AgentSession(ABC, Generic[Seen]):
     def __init__(self, link: AgentLink, wish: JoinRequest) -> None:
         self.link = link
         self.wish = wish
+        self._clock_seen = False
         self._refused: ZengridError | None = None
-        self._joined = threading.Event()
 
     @abstractmethod
     def welcome(self, market: JoinReply) -> None:
@@ -54,12 +53,18 @@ class AgentSession(ABC, Generic[Seen]):
     def answer(self, wish: PolicyRequest) -> PolicyReply:
         """What the policy would do."""
 
-    def live(self) -> int:
-        """Join, then answer until the end; returns the exit code."""
+    def live(self) -> None:
+        """Join, then answer until the market is over.
+
+        Raises
+        ------
+        ZengridError
+            Where the clock refuses this agent.
+        """
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, _stop)
         try:
-            self._join()
+            self.join()
             self.link.serve_policy(self.answer)
             self.link.watch_clock(self._clock_changed)
             while self._answer_next():
@@ -70,45 +75,40 @@ class AgentSession(ABC, Generic[Seen]):
                 self.link.leave(self.wish.instance)
         if self._refused is not None:
             raise self._refused
-        return 0
 
-    def _join(self) -> None:
+    def join(self) -> None:
+        """Take part in the market, or go on doing so under a new clock."""
         market = self.link.join(self.wish)
         self.welcome(market)
-        say(f"{self.wish.agent} is in {market.run} ({market.scenario}) from day {market.day}, slot {market.slot} on")
+        self.link.ready()
+        say(f"{self.wish.agent} takes part in {market.run} ({market.scenario}) from day {market.day}, slot {market.slot}")
 
     def _answer_next(self) -> bool:
         """Wait for an observation and answer it; False when the market is over."""
         arrival = self.link.receive()
-        if arrival is None:
-            return False
-        # After a pause of this process only the newest is still awaited.
-        while (newer := self.link.pending()) is not None:
-            if not self._note(arrival):
+        while arrival is not None:
+            seen = decode(self.observation, arrival.payload, arrival.encoding)
+            if seen.phase == "end":
                 return False
+            # After a pause of this process only the newest observation is still awaited.
+            newer = self.link.pending()
+            if newer is None:
+                self.link.act(encode(self.act(seen), arrival.encoding), arrival.encoding)
+                return True
             arrival = newer
-        seen = decode(self.observation, arrival.payload, arrival.encoding)
-        if seen.phase == "end":
-            return False
-        self.link.act(encode(self.act(seen), arrival.encoding), arrival.encoding)
-        return True
-
-    def _note(self, arrival: Arrival) -> bool:
-        """An observation that came too late to be answered; False where it is the end."""
-        return decode(self.observation, arrival.payload, arrival.encoding).phase != "end"
+        return False
 
     def _clock_changed(self, came: bool) -> None:
         if not came:
             say(f"{self.wish.agent}: the clock is away; waiting for it")
-        elif self._joined.is_set():
-            # A new clock may not know this process: joining again is harmless.
+        elif self._clock_seen:
+            # A new clock may not know this process; where it does, joining again changes nothing.
             try:
-                self._join()
+                self.join()
             except ZengridError as error:
                 self._refused = error
                 self.link.close()
-        else:
-            self._joined.set()
+        self._clock_seen = True
 
 
 def new_instance() -> str:

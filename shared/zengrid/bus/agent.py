@@ -21,7 +21,7 @@ BACKLOG = 64
 
 
 class Arrival(NamedTuple):
-    """An observation as it came, or (with an empty payload) the sign that the clock came back or went away."""
+    """An observation as it came."""
 
     payload: bytes
     encoding: str
@@ -53,27 +53,35 @@ class AgentLink:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self._session.close()
 
+    def close(self) -> None:
+        """End the session; ``receive`` returns."""
+        self._session.close()
+
     def join(self, wish: JoinRequest, timeout_s: float = 10.0) -> JoinReply:
         """Take part; raises RefusedError with the clock's reason. Joining again with the same instance is harmless."""
-        reply = request(self._session, self.keys.join, wish, JoinReply, timeout_s)
+        return request(self._session, self.keys.join, wish, JoinReply, timeout_s)
+
+    def ready(self) -> None:
+        """Show that this agent answers from now on: the last thing to do before ``receive``."""
         if self._token is None:
             self._token = self._session.liveliness().declare_token(self.keys.alive(self.agent))
-        return reply
 
     def leave(self, instance: str, timeout_s: float = 5.0) -> LeaveReply:
         """Take this agent's homes out of the market."""
         wish = LeaveRequest(agent=self.agent, instance=instance)
         return request(self._session, self.keys.leave, wish, LeaveReply, timeout_s)
 
-    def receive(self) -> Arrival:
-        """Wait for the newest observation; older ones that were not yet read are skipped by ``receive_all``."""
-        sample = self._observations.recv()
-        return Arrival(sample.payload.to_bytes(), str(sample.encoding))
+    def receive(self) -> Arrival | None:
+        """Wait for an observation; None when the link was closed."""
+        try:
+            return _arrival(self._observations.recv())
+        except zenoh.ZError:
+            return None
 
     def pending(self) -> Arrival | None:
         """An observation that is there already, or None."""
         sample = self._observations.try_recv()
-        return None if sample is None else Arrival(sample.payload.to_bytes(), str(sample.encoding))
+        return None if sample is None else _arrival(sample)
 
     def act(self, payload: bytes, encoding: str) -> None:
         """Send the action."""
@@ -102,3 +110,7 @@ class AgentLink:
                     query.reply_err(encode(Refusal(reason="unavailable", message=message)), encoding=JSON)
 
         self._policy = self._session.declare_queryable(self.keys.policy(self.agent), on_query, complete=True)
+
+
+def _arrival(sample: zenoh.Sample) -> Arrival:
+    return Arrival(sample.payload.to_bytes(), str(sample.encoding))

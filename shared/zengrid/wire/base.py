@@ -30,7 +30,7 @@ class _ColumnSchema:
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-        numbers = core_schema.list_schema(core_schema.float_schema(allow_inf_nan=False), max_length=MAX_HOMES)
+        numbers = core_schema.list_schema(core_schema.float_schema(allow_inf_nan=False, strict=True), max_length=MAX_HOMES)
         from_json = core_schema.no_info_after_validator_function(_to_array, numbers)
         return core_schema.json_or_python_schema(
             json_schema=from_json,
@@ -50,7 +50,7 @@ Column = Annotated[NDArray[np.float64], _ColumnSchema, Field(description="One nu
 class Message(BaseModel):
     """A message: frozen, unknown fields refused, numbers finite, with a schema version."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
 
     v: Literal[1] = Field(default=1, description="Schema version.")
 

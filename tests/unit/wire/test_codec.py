@@ -1,0 +1,100 @@
+"""Messages survive both encodings to the last bit; what does not follow the schema is refused in one clear line."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from zengrid.errors import WireError
+from zengrid.wire.codec import BINARY, JSON, decode, encode
+from zengrid.wire.requests import JoinRequest
+from zengrid.wire.slots import FleetAction, FleetObservation, FleetSettled, GridAction
+
+numbers = st.floats(allow_nan=False, allow_infinity=False)
+
+
+def columns(homes: int) -> st.SearchStrategy[np.ndarray]:
+    return hnp.arrays(np.float64, homes, elements=numbers)
+
+
+@st.composite
+def observations(draw: st.DrawFn) -> FleetObservation:
+    homes = draw(st.integers(0, 20))
+    settled = FleetSettled(
+        day=1, slot=2, buy_price=0.05, fallback=draw(st.booleans()), reward=draw(columns(homes)),
+        battery_kw=draw(columns(homes)), injection_kw=draw(columns(homes)),
+    )  # fmt: skip
+    return FleetObservation(
+        run="main", day=draw(st.integers(0, 10**9)), slot=3, hour=draw(st.floats(0, 23.99)), deadline_s=2.0,
+        buy_price=0.05, sell_price=0.095, soc=draw(columns(homes)), pv_kw=draw(columns(homes)),
+        load_kw=draw(columns(homes)), settled=draw(st.sampled_from([None, settled])),
+    )  # fmt: skip
+
+
+@given(observations(), st.sampled_from([JSON, BINARY]))
+def test_every_bit_survives(message: FleetObservation, encoding: str) -> None:
+    back = decode(FleetObservation, encode(message, encoding), encoding)
+    for name in ("soc", "pv_kw", "load_kw"):
+        assert getattr(back, name).tobytes() == getattr(message, name).tobytes()
+    assert encode(back) == encode(message)
+
+
+ACTION = '{"v":1,"run":"main","day":0,"slot":3,"phase":"battery","instance":"0123456789","battery_kw":[%s]}'
+
+
+@pytest.mark.parametrize(
+    ("payload", "says"),
+    [
+        (b"", "FleetAction: message"),
+        (b"\xff\xfe", "Invalid JSON"),
+        (b"[]", "FleetAction: message"),
+        (b"{}", "run = {}: Field required"),
+        ((ACTION % "NaN").encode(), "battery_kw.0 = nan: Input should be a finite number"),
+        ((ACTION % "1e999").encode(), "battery_kw.0 = inf"),
+        ((ACTION % '"1"').encode(), "battery_kw.0 = '1'"),
+        ((ACTION % "1").replace('"v":1', '"v":2').encode(), "v = 2: Input should be 1"),
+        ((ACTION % "1").replace("}", ',"extra":1}').encode(), "extra = 1: Extra inputs are not permitted"),
+        ((ACTION % "1").replace("main", "../x").encode(), "run = '../x'"),
+        ((ACTION % "1").replace("0123456789", "x").encode(), "instance = 'x'"),
+    ],
+)
+def test_bad_json_is_refused_in_one_line(payload: bytes, says: str) -> None:
+    with pytest.raises(WireError, match="FleetAction") as caught:
+        decode(FleetAction, payload)
+    assert says in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@given(st.binary(max_size=200))
+def test_random_bytes_are_refused(payload: bytes) -> None:
+    for encoding in (JSON, BINARY):
+        with pytest.raises(WireError):
+            decode(FleetAction, payload, encoding)
+
+
+@given(st.data())
+def test_damaged_binary_is_refused_or_the_same(data: st.DataObject) -> None:
+    whole = encode(FleetAction(run="main", day=0, slot=0, instance="01234567", battery_kw=np.ones(5)), BINARY)
+    cut = data.draw(st.integers(0, len(whole) - 1))
+    with pytest.raises(WireError):
+        decode(FleetAction, whole[:cut], BINARY)
+
+
+def test_binary_columns_must_be_finite() -> None:
+    bad = FleetAction.model_construct(v=1, run="main", day=0, slot=0, phase="battery", instance="01234567", battery_kw=np.array([np.nan]))
+    with pytest.raises(WireError, match="battery_kw holds a number that is not finite"):
+        decode(FleetAction, encode(bad, BINARY), BINARY)
+
+
+def test_a_price_must_be_a_price() -> None:
+    with pytest.raises(WireError, match="buy_price = -1"):
+        decode(GridAction, b'{"run":"main","day":0,"slot":3,"instance":"0123456789","buy_price":-1}')
+
+
+def test_a_joining_home_is_checked_by_the_scenarios_own_rules() -> None:
+    wish = b'{"agent":"p4","role":"prosumer","instance":"0123456789","homes":[{"id":"p4","pv_kw":-5}]}'
+    with pytest.raises(WireError, match=r"homes.0.pv_kw = -5: Input should be greater than or equal to 0"):
+        decode(JoinRequest, wish)
