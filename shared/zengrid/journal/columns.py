@@ -1,0 +1,40 @@
+"""The columns of a slot's row, and how arrays stand in them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zengrid.errors import JournalError
+
+# Columns of the journal, in the order of its rows. Figures come before arrays: a query for figures alone then never
+# touches the pages that the arrays of many homes overflow into.
+COUNTS = ("position", "day", "slot", "roster_version", "grid_fallback")
+FIGURES = (
+    "settled_at", "buy_price", "sell_price", "demand_kw", "export_kw", "consumer_kw", "revenue", "payments", "profit",
+    "lost_load_cost", "curtailed_kw", "home_curtailed_kw", "unserved_kw", "home_unserved_kw", "conventional_profit",
+)  # fmt: skip
+FACILITY_ARRAYS = ("facility_kw", "facility_cost", "conventional_facility_kw")
+HOME_ARRAYS = (
+    "soc", "battery_kw", "injection_kw", "pv_kw", "load_kw", "bill", "conventional_soc", "conventional_bill",
+    "fallback",
+)  # fmt: skip
+MARKET_COLUMNS = (*COUNTS, *FIGURES, *FACILITY_ARRAYS)
+COLUMNS = (*MARKET_COLUMNS, *HOME_ARRAYS)
+FLOAT = np.dtype("<f8")
+"""Every array but fallback, which is one byte a home."""
+
+
+def stack(column: str, cells: Sequence[bytes]) -> NDArray[Any]:
+    """Arrays of equal length as one of shape ``(slot, ...)``."""
+    width = len(cells[0])
+    if any(len(cell) != width for cell in cells):
+        raise JournalError(f"the journal is damaged: {column} changes its length under one roster")
+    try:
+        dtype = np.dtype(np.bool_) if column == "fallback" else FLOAT
+        return np.frombuffer(b"".join(cells), dtype).reshape(len(cells), width // dtype.itemsize)
+    except (ValueError, TypeError) as error:
+        raise JournalError(f"the journal is damaged: {column} cannot be read ({error})") from error

@@ -1,0 +1,91 @@
+"""What the journal needs of a database: connections, transactions, and that a run has one writer only."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Literal, Protocol
+
+from zengrid.errors import JournalError
+from zengrid.journal.statements import Statements
+
+Durability = Literal["normal", "full"]
+Row = tuple[Any, ...]
+Step = tuple[str, Row]
+"""A statement and its parameters."""
+
+
+class Cursor(Protocol):
+    """The result of a statement."""
+
+    def fetchone(self) -> Any: ...
+    def fetchall(self) -> list[Any]: ...
+
+
+class Connection(Protocol):
+    """A connection that commits each statement, unless one of them begins a transaction."""
+
+    def execute(self, sql: Any, parameters: Any = ..., /) -> Cursor: ...
+    def close(self) -> None: ...
+
+
+class Writer(Protocol):
+    """Holds the right to write one run until it is closed or its process dies."""
+
+    def commit(self, steps: Sequence[Step]) -> None:
+        """Carry out all steps in one transaction."""
+
+    def close(self) -> None:
+        """Give the right back; what was not committed is undone."""
+
+
+class Database(Protocol):
+    """One kind of database at one place."""
+
+    name: str
+    """for messages"""
+    errors: tuple[type[Exception], ...]
+    """what its connections and writers raise"""
+    statements: Statements
+
+    def connect(self) -> Connection:
+        """Open a connection; reading through one never makes a writer wait."""
+
+    def tables(self, connection: Connection) -> set[str]:
+        """Tables that a journal must not share its place with, and its own."""
+
+    def create(self, connection: Connection) -> None:
+        """Create the tables in one transaction, even if another process does the same at this moment."""
+
+    def writer(self, run_id: int, run_name: str) -> Writer:
+        """Become the one writer of a run."""
+
+
+def transact(connection: Connection, begin: Sequence[str], steps: Sequence[Step]) -> None:
+    """Carry out several steps in one transaction; the connection is to be closed if that fails."""
+    for sql in begin:
+        connection.execute(sql)
+    for sql, parameters in steps:
+        connection.execute(sql, parameters)
+    connection.execute("COMMIT")
+
+
+def database(place: str | Path, durability: Durability, *, read_only: bool) -> Database:
+    """The database at a path or URL."""
+    if durability not in ("normal", "full"):
+        raise JournalError(f"durability = {durability!r}: permitted are 'normal' and 'full'")
+    text = str(place)
+    scheme, separator, rest = text.partition("://")
+    if not separator or scheme == "sqlite":
+        # sqlite:///relative.db and sqlite:////absolute.db, as SQLAlchemy spells them.
+        path = rest.removeprefix("/") if separator else text
+        if path in ("", ":memory:"):
+            raise JournalError(f"journal = {text!r}: a journal outlives its process, so it must be a file")
+        from zengrid.journal.sqlite import SqliteDatabase
+
+        return SqliteDatabase(Path(path), durability, read_only=read_only)
+    if scheme.partition("+")[0] in ("postgresql", "postgres"):
+        from zengrid.journal.postgres import PostgresDatabase
+
+        return PostgresDatabase(f"postgresql://{rest}", durability)
+    raise JournalError(f"journal = {scheme}://...: permitted are a path, sqlite:///path and postgresql://...")

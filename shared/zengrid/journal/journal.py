@@ -1,0 +1,163 @@
+"""The journal: every run of a market, in one database."""
+
+from __future__ import annotations
+
+import threading
+import time
+from pathlib import Path
+from typing import Self
+
+from zengrid.errors import JournalError
+from zengrid.journal.database import Connection, Database, Durability, Row, database
+from zengrid.journal.run import Run
+from zengrid.journal.statements import SCHEMA_VERSION
+from zengrid.journal.view import RunInfo, RunView
+
+
+class Journal:
+    """Opened with ``Journal.open``; used in a ``with`` block, or closed. Any thread may read from it."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+        self._reader: Connection | None = None
+        self._reading = threading.Lock()
+        self._writing: list[Run] = []
+
+    @classmethod
+    def open(cls, place: str | Path, *, durability: Durability = "normal", read_only: bool = False) -> Self:
+        """Open a journal, and create it where there is none.
+
+        Parameters
+        ----------
+        place:
+            Path of an SQLite file, ``sqlite:///path``, or ``postgresql://user:password@host/name``.
+        durability:
+            What a commit survives: ``normal`` the death of the process, ``full`` a power cut as well.
+        read_only:
+            Only read, from a journal that exists; any number of readers never make its writer wait.
+        """
+        journal = cls(database(place, durability, read_only=read_only))
+        try:
+            journal._check(read_only)
+        except BaseException:
+            journal.close()
+            raise
+        return journal
+
+    @property
+    def name(self) -> str:
+        """Where it is, for messages."""
+        return self._database.name
+
+    def begin(self, name: str, scenario: str, *, seed: int, dt_h: float, version: str) -> Run:
+        """Start a new run.
+
+        Parameters
+        ----------
+        name:
+            Not yet used in this journal.
+        scenario:
+            The scenario file, as YAML.
+        dt_h:
+            Length of a slot. [h]
+        version:
+            Of zengrid.
+        """
+        if any(info.name == name for info in self.runs()):
+            raise JournalError(
+                f"journal {self.name}: there is a run {name!r} already; resume it, or choose another name"
+            )
+        try:
+            connection = self._database.connect()
+            try:
+                values = (name, scenario, int(seed), float(dt_h), version, time.time())
+                connection.execute(self._database.statements.insert_run, values)
+            finally:
+                connection.close()
+        except self._database.errors as error:
+            raise JournalError(f"journal {self.name}: run {name!r} cannot begin: {error}") from error
+        return self._write(self._info(name))
+
+    def resume(self, which: str | int | None = None) -> Run:
+        """Go on with an unfinished run, given by name or id; by default with the latest."""
+        info = self._info(which, unfinished=True)
+        if info.finished_at is not None:
+            raise JournalError(f"journal {self.name}: run {info.name!r} is finished, there is nothing to resume")
+        return self._write(info)
+
+    def run(self, which: str | int | None = None) -> RunView:
+        """Read a run, given by name or id; by default the latest."""
+        return RunView(self.query, self._database.statements, self._info(which))
+
+    def runs(self) -> list[RunInfo]:
+        """All runs, oldest first."""
+        return [RunInfo(*row) for row in self.query(self._database.statements.runs)]
+
+    def query(self, sql: str, parameters: Row = ()) -> list[Row]:
+        """Read with a connection that never makes the writer wait."""
+        with self._reading:
+            try:
+                if self._reader is None:
+                    self._reader = self._database.connect()
+                return self._reader.execute(sql, parameters).fetchall()
+            except self._database.errors as error:
+                self._drop_reader()
+                raise JournalError(f"journal {self.name} cannot be read: {error}") from error
+
+    def close(self) -> None:
+        """Close everything opened through this journal."""
+        for run in self._writing:
+            run.close()
+        with self._reading:
+            self._drop_reader()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _drop_reader(self) -> None:
+        reader, self._reader = self._reader, None
+        if reader is not None:
+            reader.close()
+
+    def _write(self, info: RunInfo) -> Run:
+        try:
+            run = Run(self.query, self._database, info)
+        except self._database.errors as error:
+            raise JournalError(f"journal {self.name}: run {info.name!r} cannot be written: {error}") from error
+        self._writing.append(run)
+        return run
+
+    def _info(self, which: str | int | None, *, unfinished: bool = False) -> RunInfo:
+        runs = self.runs()
+        if which is None:
+            fitting = [info for info in runs if info.finished_at is None] if unfinished else runs
+            missing = "no unfinished run" if unfinished else "no run"
+        else:
+            fitting = [info for info in runs if which == (info.id if isinstance(which, int) else info.name)]
+            missing = f"no run {which!r}"
+        if not fitting:
+            names = ", ".join(info.name for info in runs[-10:]) or "none"
+            raise JournalError(f"journal {self.name}: there is {missing} (latest runs: {names})")
+        return fitting[-1]
+
+    def _check(self, read_only: bool) -> None:
+        """Make sure that this is a journal which this version can use."""
+        try:
+            self._reader = self._database.connect()
+            tables = self._database.tables(self._reader)
+            if "zengrid_journal" not in tables:
+                if tables or read_only:
+                    holds = f"it holds the tables {', '.join(sorted(tables))}" if tables else "it is empty"
+                    raise JournalError(f"{self.name} is not a zengrid journal: {holds}")
+                self._database.create(self._reader)
+            versions = [row[0] for row in self._reader.execute(self._database.statements.schema_version).fetchall()]
+        except self._database.errors as error:
+            raise JournalError(f"journal {self.name} cannot be opened: {error}") from error
+        if versions != [SCHEMA_VERSION]:
+            raise JournalError(
+                f"journal {self.name} has schema version {', '.join(map(str, versions)) or 'none'}; this zengrid needs "
+                f"{SCHEMA_VERSION}: use the zengrid that wrote it, or another journal"
+            )

@@ -1,0 +1,46 @@
+"""A lock on a file, which the system gives back when its process dies."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from pathlib import Path
+from typing import Self
+
+from zengrid.errors import JournalError
+
+
+class FileLock:
+    """Held from ``take`` until ``release``; the file holds the owner's process id."""
+
+    def __init__(self, path: Path, descriptor: int) -> None:
+        self._path = path
+        self._descriptor = descriptor
+
+    @classmethod
+    def take(cls, path: Path, thing: str) -> Self:
+        """Take the lock, or say who has the thing it guards."""
+        while True:
+            descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                # The last owner may have removed the file between the two calls above: then another one counts.
+                if path.exists() and path.stat().st_ino == os.fstat(descriptor).st_ino:
+                    os.ftruncate(descriptor, 0)
+                    os.write(descriptor, str(os.getpid()).encode())
+                    return cls(path, descriptor)
+            except BlockingIOError:
+                owner = os.read(descriptor, 20).decode() or "unknown"
+                os.close(descriptor)
+                raise JournalError(
+                    f"{thing} is being written by process {owner}: it has one writer at a time"
+                ) from None
+            except BaseException:
+                os.close(descriptor)
+                raise
+            os.close(descriptor)
+
+    def release(self) -> None:
+        """Give the lock back."""
+        self._path.unlink(missing_ok=True)
+        os.close(self._descriptor)

@@ -1,0 +1,88 @@
+"""The journal in a PostgreSQL database, given by URL; needs the extra ``postgres``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from zengrid.errors import JournalError
+from zengrid.journal.database import Connection, Durability, Step, transact
+
+CONNECT_TIMEOUT_S = 10
+LOCK_SPACE = 0x7A656E67
+"""First key of the advisory locks ("zeng"); the second is the run, and 0 while tables are created."""
+
+
+class PostgresDatabase:
+    """One database. Durability ``normal`` leaves the server's ``synchronous_commit`` as it is, ``full`` turns it on."""
+
+    def __init__(self, url: str, durability: Durability) -> None:
+        try:
+            import psycopg
+        except ModuleNotFoundError as error:
+            raise JournalError("journal = postgresql://...: this needs pip install 'zengrid[postgres]'") from error
+        from sqlalchemy.engine import make_url
+        from sqlalchemy.exc import ArgumentError
+
+        from zengrid.journal.tables import statements
+
+        try:
+            parsed = make_url(url).set(drivername="postgresql+psycopg")
+            kind: Any = parsed.get_dialect()
+            dialect = kind(paramstyle="format")
+            self._arguments, self._options = dialect.create_connect_args(parsed)
+        except (ArgumentError, ValueError) as error:
+            raise JournalError(f"journal = postgresql://...: not a URL ({error})") from error
+        self.name = parsed.render_as_string(hide_password=True)
+        self.errors: tuple[type[Exception], ...] = (psycopg.Error, OSError)
+        self.statements = statements(dialect)
+        self._durability = durability
+
+    def connect(self) -> Any:
+        """Open a connection."""
+        import psycopg
+
+        options = {"connect_timeout": CONNECT_TIMEOUT_S, **self._options}
+        connection = psycopg.connect(*self._arguments, autocommit=True, **options)
+        if self._durability == "full":
+            connection.execute("SET synchronous_commit = on")
+        return connection
+
+    def tables(self, connection: Connection) -> set[str]:
+        """The journal's own tables: a server may hold others beside them."""
+        found = connection.execute("SELECT to_regclass('zengrid_journal')").fetchone()
+        return {"zengrid_journal"} if found != (None,) else set()
+
+    def create(self, connection: Connection) -> None:
+        """Create the tables; a second process waits for the first."""
+        lock = f"SELECT pg_advisory_xact_lock({LOCK_SPACE}, 0)"
+        transact(connection, ["BEGIN", lock], [(sql, ()) for sql in self.statements.create])
+
+    def writer(self, run_id: int, run_name: str) -> PostgresWriter:
+        """Become the one writer of a run: the server gives the lock back when the connection ends."""
+        connection = self.connect()
+        got = connection.execute("SELECT pg_try_advisory_lock(%s, %s)", (LOCK_SPACE, run_id)).fetchone()
+        if got != (True,):
+            connection.close()
+            raise JournalError(
+                f"journal {self.name}: run {run_name!r} is being written by another process: a run has one writer"
+            )
+        return PostgresWriter(connection)
+
+
+class PostgresWriter:
+    """The one writer of a run."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+
+    def commit(self, steps: Sequence[Step]) -> None:
+        """Carry out all steps in one transaction."""
+        if len(steps) == 1:
+            self._connection.execute(*steps[0])
+        else:
+            transact(self._connection, ["BEGIN"], steps)
+
+    def close(self) -> None:
+        """Give the right back; what was not committed is undone."""
+        self._connection.close()

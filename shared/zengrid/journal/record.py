@@ -1,0 +1,158 @@
+"""One settled slot, and with it the state to resume from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from operator import attrgetter
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zengrid.core.state import Exogenous, Settlement
+from zengrid.errors import JournalError
+from zengrid.journal.columns import COLUMNS, COUNTS, FACILITY_ARRAYS, FIGURES, FLOAT, HOME_ARRAYS, stack
+from zengrid.journal.database import Row
+
+Floats = NDArray[np.float64]
+
+_counts, _figures = attrgetter(*COUNTS), attrgetter(*FIGURES)
+_facility_arrays, _home_arrays = attrgetter(*FACILITY_ARRAYS), attrgetter(*HOME_ARRAYS)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SlotRecord:
+    """What the clock settled for one slot.
+
+    Powers are means over the slot [kW], money is for the whole slot [$]; signs and names are those of
+    ``zengrid.core.state.Settlement``. What is called conventional belongs to the twin without demand response.
+    """
+
+    position: int
+    """0, 1, 2, ... in its run, without a gap"""
+    day: int
+    slot: int
+    settled_at: float
+    """Unix time [s]"""
+    buy_price: float
+    """[$/kWh]"""
+    sell_price: float
+    """[$/kWh]"""
+    demand_kw: float
+    export_kw: float
+    """sum of the homes' exports"""
+    consumer_kw: float
+    """sum of the plain consumers"""
+    revenue: float
+    payments: float
+    """sum over the homes of what the grid pays for exports"""
+    profit: float
+    lost_load_cost: float
+    curtailed_kw: float
+    home_curtailed_kw: float
+    """sum over the homes"""
+    unserved_kw: float
+    home_unserved_kw: float
+    """sum over the homes"""
+    facility_kw: Floats
+    """(facility,)"""
+    facility_cost: Floats
+    """(facility,)"""
+    grid_fallback: bool
+    """the grid agent did not answer: its last price was kept"""
+    roster_version: int
+    soc: Floats
+    """(home,) at the end of the slot [-]"""
+    battery_kw: Floats
+    """(home,)"""
+    injection_kw: Floats
+    """(home,) at the meter, > 0 exports"""
+    pv_kw: Floats
+    """(home,)"""
+    load_kw: Floats
+    """(home,)"""
+    bill: Floats
+    """(home,)"""
+    fallback: NDArray[np.bool_]
+    """(home,) its agent did not answer: the conventional rule was used"""
+    conventional_soc: Floats
+    """(home,) at the end of the slot [-]"""
+    conventional_bill: Floats
+    """(home,)"""
+    conventional_profit: float
+    conventional_facility_kw: Floats
+    """(facility,)"""
+
+    @classmethod
+    def of(
+        cls,
+        position: int,
+        day: int,
+        slot: int,
+        settled_at: float,
+        buy_price: float,
+        exogenous: Exogenous,
+        settled: Settlement,
+        twin: Settlement,
+        fallback: NDArray[np.bool_],
+        grid_fallback: bool,
+        roster_version: int,
+    ) -> Self:
+        """Put together what the core settled, for the market and for its conventional twin."""
+        return cls(
+            position=position,
+            day=day,
+            slot=slot,
+            settled_at=settled_at,
+            buy_price=buy_price,
+            sell_price=float(exogenous.sell_price),
+            demand_kw=float(settled.demand_kw),
+            export_kw=float(np.add.reduce(settled.export_kw)),
+            consumer_kw=float(np.add.reduce(exogenous.consumer_kw)),
+            revenue=float(settled.revenue),
+            payments=float(np.add.reduce(settled.payment)),
+            profit=float(settled.profit),
+            lost_load_cost=float(settled.lost_load_cost),
+            curtailed_kw=float(settled.curtailed_kw),
+            home_curtailed_kw=float(np.add.reduce(settled.home_curtailed_kw)),
+            unserved_kw=float(settled.unserved_kw),
+            home_unserved_kw=float(np.add.reduce(settled.home_unserved_kw)),
+            facility_kw=settled.facility_kw,
+            facility_cost=settled.facility_cost,
+            grid_fallback=grid_fallback,
+            roster_version=roster_version,
+            soc=settled.soc,
+            battery_kw=settled.battery_kw,
+            injection_kw=settled.injection_kw,
+            pv_kw=exogenous.pv_kw,
+            load_kw=exogenous.load_kw,
+            bill=settled.bill,
+            fallback=fallback,
+            conventional_soc=twin.soc,
+            conventional_bill=twin.bill,
+            conventional_profit=float(twin.profit),
+            conventional_facility_kw=twin.facility_kw,
+        )
+
+    def encode(self, homes: int) -> Row:
+        """The row of this record; every array of homes must hold ``homes`` values."""
+        arrays = _home_arrays(self)
+        for name, array in zip(HOME_ARRAYS, arrays, strict=True):
+            if array.shape != (homes,):
+                raise JournalError(f"{name} has shape {array.shape}: the roster has {homes} homes")
+        return (
+            *map(int, _counts(self)),
+            *map(float, _figures(self)),
+            *(array.astype(FLOAT, copy=False).tobytes() for array in _facility_arrays(self)),
+            *(array.astype(FLOAT, copy=False).tobytes() for array in arrays[:-1]),
+            arrays[-1].astype(np.uint8, copy=False).tobytes(),
+        )
+
+    @classmethod
+    def decode(cls, row: Row) -> Self:
+        """The inverse of ``encode``."""
+        values = dict(zip(COLUMNS, row, strict=True))
+        for name in (*FACILITY_ARRAYS, *HOME_ARRAYS):
+            values[name] = stack(name, [values[name]])[0]
+        values["grid_fallback"] = bool(values["grid_fallback"])
+        return cls(**values)

@@ -1,0 +1,112 @@
+"""A run of the journal as its one writer, the clock, sees it."""
+
+from __future__ import annotations
+
+import time
+
+from zengrid.errors import JournalError
+from zengrid.journal.database import Database, Row, Step, Writer
+from zengrid.journal.record import SlotRecord
+from zengrid.journal.roster import Roster
+from zengrid.journal.view import Query, RunInfo, RunView
+
+
+class Run(RunView):
+    """Commits slot after slot; what ``commit`` returned from survives the death of the process."""
+
+    def __init__(self, query: Query, database: Database, info: RunInfo) -> None:
+        super().__init__(query, database.statements, info)
+        self._database = database
+        self._writer: Writer | None = None
+        self._closed = False
+        self._open()
+        try:
+            self.position = self._checked_count()
+            roster = self.roster() if self.position else None
+        except BaseException:
+            self.close()
+            raise
+        self._roster_version = roster.version if roster else None
+        self._homes = len(roster.homes) if roster else 0
+
+    def commit(self, record: SlotRecord, roster: Roster | None = None) -> None:
+        """Store a settled slot, and the roster if it changed, in one transaction.
+
+        Raises
+        ------
+        JournalError
+            The slot does not follow the last one or does not fit its roster; or the database refused it. Then nothing
+            was stored, and the same record can be committed again once the cause is mended.
+        """
+        if record.position != self.position:
+            raise JournalError(f"position = {record.position}: run {self.name!r} goes on at position {self.position}")
+        version, homes = self._follows(roster) if roster is not None else (self._roster_version, self._homes)
+        if record.roster_version != version:
+            raise JournalError(f"roster_version = {record.roster_version}: the roster in force is version {version}")
+        row = record.encode(homes)
+        steps: list[Step] = [(self._sql.insert_slot, (self.id, *row))]
+        if roster is not None:
+            steps.insert(0, (self._sql.insert_roster, (self.id, roster.version, record.position, roster.encode())))
+        try:
+            if self._writer is not None or not self._stored(row):
+                self._open().commit(steps)
+        except self._database.errors as error:
+            # Whether the database has it can be unknown (a connection that broke): the next attempt looks first.
+            self._release()
+            raise JournalError(
+                f"journal {self._database.name}: slot {record.slot} of day {record.day} is not settled, and can be "
+                f"committed again when this is mended: {error}"
+            ) from error
+        self.position += 1
+        self._roster_version, self._homes = version, homes
+
+    def finish(self) -> None:
+        """The run is complete: it cannot be resumed, and its right to write is given back."""
+        try:
+            self._open().commit([(self._sql.finish_run, (time.time(), self.id))])
+        except self._database.errors as error:
+            self._release()
+            raise JournalError(f"journal {self._database.name}: run {self.name!r} is not finished: {error}") from error
+        self.close()
+
+    def close(self) -> None:
+        """Give the right to write back; the run can be resumed."""
+        self._closed = True
+        self._release()
+
+    def _open(self) -> Writer:
+        """The writer; after a failed commit another one."""
+        if self._writer is None:
+            if self._closed:
+                raise JournalError(f"run {self.name!r} is closed: resume it to write to it")
+            self._writer = self._database.writer(self.id, self.name)
+        return self._writer
+
+    def _release(self) -> None:
+        writer, self._writer = self._writer, None
+        if writer is not None:
+            writer.close()
+
+    def _checked_count(self) -> int:
+        count, positions = self._query(self._sql.count, (self.id,))[0][0], self.count()
+        if count != positions:
+            raise JournalError(
+                f"journal {self._database.name} is damaged: run {self.name!r} holds {count} of {positions} slots"
+            )
+        return positions
+
+    def _follows(self, roster: Roster) -> tuple[int, int]:
+        if self._roster_version is not None and roster.version <= self._roster_version:
+            raise JournalError(f"roster.version = {roster.version}: must be above {self._roster_version}")
+        if len(roster.specs) != len(roster.homes) or len(set(roster.homes)) != len(roster.homes):
+            raise JournalError(
+                f"roster {roster.version}: {len(roster.homes)} homes must be distinct and have a spec each"
+            )
+        return roster.version, len(roster.homes)
+
+    def _stored(self, row: Row) -> bool:
+        """Whether an attempt that seemed to fail had reached the database."""
+        found = self._query(self._sql.slots, (self.id, self.position, self.position + 1))
+        if found and tuple(found[0]) != row:
+            raise JournalError(f"run {self.name!r}: position {self.position} was settled otherwise by another writer")
+        return bool(found)

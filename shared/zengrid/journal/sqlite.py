@@ -1,0 +1,138 @@
+"""The journal in an SQLite file: write-ahead log, one writer a run, checkpoints beside the market."""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+import threading
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from zengrid.errors import JournalError
+from zengrid.journal.database import Connection, Durability, Step, transact
+from zengrid.journal.lock import FileLock
+from zengrid.journal.sqlite_statements import SQLITE
+
+BUSY_S = 5.0
+"""How long to wait for another run that is writing to the same file."""
+CHECKPOINT_BYTES = 8 * 2**20
+"""After how much new log it is copied into the database."""
+LOG_PAGES_MAX = 16_384
+"""Length of the log (64 MiB) at which the writer makes it start again from the front."""
+
+
+class SqliteDatabase:
+    """One file. It survives a killed process with every commit; a power cut only with durability ``full``."""
+
+    errors: tuple[type[Exception], ...] = (sqlite3.Error, OSError)
+    statements = SQLITE
+
+    def __init__(self, path: Path, durability: Durability, *, read_only: bool) -> None:
+        self.name = str(path)
+        self._path = path.absolute()
+        self._mode = "ro" if read_only else "rwc"
+        self._synchronous = "FULL" if durability == "full" else "NORMAL"
+        if read_only and not self._path.exists():
+            raise JournalError(f"journal {path}: there is no such file")
+        if not self._path.parent.is_dir():
+            raise JournalError(f"journal {path}: there is no directory {self._path.parent}")
+        # Reading beside a log needs an index file. Where none can be made, and nobody left a log, the file is whole.
+        if read_only and not os.access(self._path.parent, os.W_OK) and not Path(f"{self._path}-wal").exists():
+            self._mode = "ro&immutable=1"
+
+    def connect(self) -> sqlite3.Connection:
+        """Open the file; the first connection of a writer creates it."""
+        uri = f"{self._path.as_uri()}?mode={self._mode}"
+        # Each connection is used by one thread at a time: whoever holds it sees to that.
+        connection = sqlite3.connect(uri, uri=True, timeout=BUSY_S, isolation_level=None, check_same_thread=False)
+        connection.execute(f"PRAGMA synchronous={self._synchronous}")
+        self._mode = self._mode.removesuffix("c")
+        return connection
+
+    def tables(self, connection: Connection) -> set[str]:
+        """All tables of the file: it belongs to the journal alone."""
+        return {
+            name for (name,) in connection.execute("SELECT name FROM sqlite_schema WHERE type = 'table'").fetchall()
+        }
+
+    def create(self, connection: Connection) -> None:
+        """Create the tables; a second process waits for the first."""
+        connection.execute("PRAGMA journal_mode=WAL")
+        transact(connection, ["BEGIN IMMEDIATE"], [(sql, ()) for sql in SQLITE.create])
+
+    def writer(self, run_id: int, run_name: str) -> SqliteWriter:
+        """Become the one writer of a run."""
+        lock = FileLock.take(Path(f"{self._path}-run{run_id}.lock"), f"journal {self.name}: run {run_name!r}")
+        try:
+            return SqliteWriter(self, self._path, lock)
+        except BaseException:
+            lock.release()
+            raise
+
+
+class SqliteWriter:
+    """The one writer of a run."""
+
+    def __init__(self, database: SqliteDatabase, path: Path, lock: FileLock) -> None:
+        self._path = path
+        self._lock = lock
+        self._connection = database.connect()
+        self._connection.execute(f"PRAGMA wal_autocheckpoint={LOG_PAGES_MAX}")
+        self._inode = path.stat().st_ino
+        self._checkpointer = _Checkpointer(database)
+
+    def commit(self, steps: Sequence[Step]) -> None:
+        """Carry out all steps in one transaction."""
+        # SQLite goes on writing to a file that was deleted or replaced, and nobody would ever read it.
+        if os.stat(self._path).st_ino != self._inode:  # noqa: PTH116 - a third of the time of Path.stat, for every slot
+            raise FileNotFoundError(f"{self._path} was replaced by another file")
+        if len(steps) == 1:
+            # A statement alone is a transaction.
+            self._connection.execute(*steps[0])
+        else:
+            transact(self._connection, ["BEGIN IMMEDIATE"], steps)
+        self._checkpointer.wrote(sum(len(cell) for cell in steps[-1][1] if type(cell) is bytes))
+
+    def close(self) -> None:
+        """Give the right back; what was not committed is undone."""
+        self._checkpointer.close()
+        self._connection.close()
+        self._lock.release()
+
+
+class _Checkpointer:
+    """Copies the log into the database in a thread of its own: the sync to disk it needs must not stop a slot."""
+
+    _PAGES_BYTES = 4 * 4096
+    """What a slot adds to the log besides its arrays: whole pages of the table and of two indexes."""
+
+    def __init__(self, database: SqliteDatabase) -> None:
+        self._database = database
+        self._pending = 0
+        self._due = threading.Event()
+        self._ended = False
+        self._thread = threading.Thread(target=self._run, name="journal-checkpoint", daemon=True)
+        self._thread.start()
+
+    def wrote(self, size: int) -> None:
+        self._pending += size + self._PAGES_BYTES
+        if self._pending >= CHECKPOINT_BYTES:
+            self._pending = 0
+            self._due.set()
+
+    def close(self) -> None:
+        self._ended = True
+        self._due.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while self._due.wait() and not self._ended:
+            self._due.clear()
+            # On a full disk the log stays as it is, and the next commit that needs space says so.
+            with suppress(sqlite3.Error):
+                connection = self._database.connect()
+                try:
+                    connection.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchone()
+                finally:
+                    connection.close()

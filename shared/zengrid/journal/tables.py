@@ -1,0 +1,174 @@
+"""The journal's tables in SQLAlchemy Core, and its statements compiled for a database.
+
+SQLAlchemy takes longer to import than the whole market to start. The statements for SQLite are therefore compiled ahead
+into ``sqlite_statements.py``: ``python -m zengrid.journal.tables`` writes it anew, and a test keeps it fresh.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import (
+    BigInteger,
+    BindParameter,
+    Column,
+    ColumnElement,
+    Dialect,
+    Double,
+    ForeignKey,
+    Integer,
+    LargeBinary,
+    MetaData,
+    Table,
+    Text,
+    UniqueConstraint,
+    bindparam,
+    func,
+    insert,
+    literal_column,
+    select,
+    update,
+)
+from sqlalchemy.schema import CreateTable
+from sqlalchemy.sql.expression import ClauseElement
+
+from zengrid.journal.columns import COLUMNS, COUNTS, FACILITY_ARRAYS, FIGURES, FLOAT, HOME_ARRAYS, MARKET_COLUMNS
+from zengrid.journal.statements import SCHEMA_VERSION, Statements
+
+METADATA = MetaData()
+
+JOURNAL = Table("zengrid_journal", METADATA, Column("schema_version", Integer, primary_key=True, autoincrement=False))
+
+RUN = Table(
+    "zengrid_run",
+    METADATA,
+    Column("id", Integer, primary_key=True),
+    Column("name", Text, nullable=False, unique=True),
+    Column("scenario", Text, nullable=False),
+    Column("seed", BigInteger, nullable=False),
+    Column("dt_h", Double, nullable=False),
+    Column("version", Text, nullable=False),
+    Column("started_at", Double, nullable=False),
+    Column("finished_at", Double),
+)
+
+ROSTER = Table(
+    "zengrid_roster",
+    METADATA,
+    Column("run_id", ForeignKey(RUN.c.id), primary_key=True),
+    Column("version", Integer, primary_key=True, autoincrement=False),
+    Column("position", Integer, nullable=False),
+    Column("body", LargeBinary, nullable=False),
+)
+
+SLOT = Table(
+    "zengrid_slot",
+    METADATA,
+    Column("run_id", ForeignKey(RUN.c.id), primary_key=True),
+    *(Column(name, Integer, nullable=False, primary_key=name == "position") for name in COUNTS),
+    *(Column(name, Double, nullable=False) for name in FIGURES),
+    *(Column(name, LargeBinary, nullable=False) for name in (*FACILITY_ARRAYS, *HOME_ARRAYS)),
+    UniqueConstraint("run_id", "day", "slot"),
+)
+
+
+def statements(dialect: Dialect) -> Statements:
+    """Compile every statement for a database that takes parameters by position."""
+
+    def text(statement: ClauseElement, *parameters: str) -> str:
+        compiled = statement.compile(dialect=dialect)
+        order = tuple(getattr(compiled, "positiontup", None) or ())
+        if order != parameters:
+            raise ValueError(f"parameters in the order {order}, not {parameters}:\n{compiled}")
+        return " ".join(str(compiled).split())
+
+    def cut(array: str, width: int) -> ColumnElement[Any]:
+        return func.substr(SLOT.c[array], bindparam(f"at_{array}", type_=Integer), literal_column(str(width)))
+
+    run_id: BindParameter[int] = bindparam("run_id")
+    of_run = SLOT.c.run_id == run_id
+    stretch = (of_run, SLOT.c.position >= bindparam("since"), SLOT.c.position < bindparam("until"))
+    last_position = select(func.max(SLOT.c.position))
+    cell = (*(cut(array, FLOAT.itemsize) for array in HOME_ARRAYS[:-1]), cut(HOME_ARRAYS[-1], 1))
+    version: ColumnElement[int] = literal_column(str(SCHEMA_VERSION))
+    unstamped = select(version).where(~select(JOURNAL.c.schema_version).exists())
+    stamp = insert(JOURNAL).from_select(["schema_version"], unstamped)
+    begun: dict[str, BindParameter[Any]] = {
+        c.name: bindparam(c.name) for c in RUN.c if c.name not in {"id", "finished_at"}
+    }
+    last_of_each = last_position.where(SLOT.c.run_id == RUN.c.id).scalar_subquery()
+    slots = func.coalesce(last_of_each + literal_column("1"), literal_column("0"))
+    infos = (RUN.c.id, RUN.c.name, RUN.c.seed, RUN.c.dt_h, RUN.c.version, RUN.c.started_at, RUN.c.finished_at)
+    return Statements(
+        create=(*(text(CreateTable(table, if_not_exists=True)) for table in METADATA.sorted_tables), text(stamp)),
+        schema_version=text(select(JOURNAL.c.schema_version)),
+        insert_run=text(
+            insert(RUN).values(begun).inline(),
+            "name", "scenario", "seed", "dt_h", "version", "started_at",
+        ),
+        finish_run=text(
+            update(RUN).where(RUN.c.id == run_id).values(finished_at=bindparam("finished_at")), "finished_at", "run_id"
+        ),
+        runs=text(
+            select(*infos, slots).order_by(RUN.c.id)
+        ),
+        scenario=text(select(RUN.c.scenario).where(RUN.c.id == run_id), "run_id"),
+        last_position=text(last_position.where(of_run), "run_id"),
+        count=text(select(func.count()).select_from(SLOT).where(of_run), "run_id"),
+        day_positions=text(
+            select(func.min(SLOT.c.position), func.max(SLOT.c.position)).where(
+                of_run, SLOT.c.day >= bindparam("since"), SLOT.c.day < bindparam("until")
+            ),
+            "run_id", "since", "until",
+        ),
+        insert_roster=text(insert(ROSTER), "run_id", "version", "position", "body"),
+        rosters=text(
+            select(ROSTER.c.version, ROSTER.c.position, ROSTER.c.body)
+            .where(ROSTER.c.run_id == run_id)
+            .order_by(ROSTER.c.version),
+            "run_id",
+        ),
+        insert_slot=text(insert(SLOT), "run_id", *COLUMNS),
+        slots=text(
+            select(*(SLOT.c[name] for name in COLUMNS)).where(*stretch).order_by(SLOT.c.position),
+            "run_id", "since", "until",
+        ),
+        market=text(
+            select(*(SLOT.c[name] for name in MARKET_COLUMNS)).where(*stretch).order_by(SLOT.c.position),
+            "run_id", "since", "until",
+        ),
+        home=text(
+            select(SLOT.c.position, SLOT.c.day, SLOT.c.slot, *cell).where(*stretch).order_by(SLOT.c.position),
+            *(f"at_{name}" for name in HOME_ARRAYS), "run_id", "since", "until",
+        ),
+    )  # fmt: skip
+
+
+def sqlite_module() -> str:
+    """Source of ``sqlite_statements.py``."""
+    from dataclasses import fields
+
+    from sqlalchemy.dialects.sqlite import dialect
+
+    compiled = statements(dialect(paramstyle="qmark"))
+    lines = [
+        '"""The statements for SQLite, compiled by ``python -m zengrid.journal.tables``: do not edit."""',
+        "",
+        "from zengrid.journal.statements import Statements",
+        "",
+        "# fmt: off",
+        "# ruff: noqa: E501",
+        "SQLITE = Statements(",
+    ]
+    for field in fields(compiled):
+        value = getattr(compiled, field.name)
+        if isinstance(value, tuple):
+            lines += [f"    {field.name}=(", *(f"        {item!r}," for item in value), "    ),"]
+        else:
+            lines.append(f"    {field.name}={value!r},")
+    return "\n".join([*lines, ")", ""])
+
+
+if __name__ == "__main__":
+    Path(__file__).with_name("sqlite_statements.py").write_text(sqlite_module(), encoding="utf-8")
