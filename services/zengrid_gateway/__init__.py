@@ -1,1 +1,1 @@
-"""The gateway: HTTP access to a running market and its journal."""
+"""The gateway: a market over HTTP, live and from its history, and a page that shows it."""

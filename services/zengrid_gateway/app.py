@@ -1,0 +1,35 @@
+"""The application: routes, errors, and the link that lives as long as it does."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+from fastapi import FastAPI
+
+from zengrid import __version__
+from zengrid_gateway import health, market, page, price, problems
+from zengrid_gateway.link import MarketLink
+from zengrid_gateway.settings import Settings
+
+
+def create_app(settings: Settings) -> FastAPI:
+    """An application that shows one market."""
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        link = MarketLink(settings.run, settings.endpoint)
+        app.state.link = link
+        app.state.board = price.PriceBoard(link)
+        await link.open()
+        try:
+            yield
+        finally:
+            await link.close()
+
+    app = FastAPI(title="zengrid", version=__version__, lifespan=lifespan, docs_url=None, redoc_url=None)
+    problems.install(app)
+    for subject in (price, market, health):
+        app.include_router(subject.router)
+    app.router.routes.extend(page.routes())
+    return app

@@ -1,0 +1,159 @@
+"""The gateway's link to one market: a Zenoh session that comes back by itself, and what it has told so far."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import sys
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Annotated, TypeVar
+
+from fastapi import Depends
+from starlette.requests import HTTPConnection
+
+from zengrid.bus.client import Client
+from zengrid.errors import BusError, ZengridError
+from zengrid.wire.requests import Status
+from zengrid_gateway.feed import Feed
+from zengrid_gateway.problems import Problem
+
+T = TypeVar("T")
+
+ATTEMPT_S = 1.0
+"""Time for one attempt to reach the clock; short, so that a gateway without a market still ends at once."""
+ANSWER_S = 5.0
+"""Longest wait for an answer over Zenoh."""
+STATUS_PERIOD_S = 1.0
+"""How often the clock is asked how it stands, however many clients ask the gateway."""
+QUESTIONS = 8
+"""Questions over Zenoh at a time; each blocks a thread."""
+
+
+class MarketLink:
+    """Follows a market, whether or not it is there. Opened and closed by the application's lifespan."""
+
+    def __init__(self, run: str, endpoint: str) -> None:
+        self.run = run
+        self.endpoint = endpoint
+        self.feed = Feed()
+        self.status: Status | None = None
+        """How the clock stood a moment ago, without homes; None while it is away."""
+        self.present: set[str] = set()
+        """Agents whose process is there and ready."""
+        self.clock_present = False
+        self._client: Client | None = None
+        self._threads = ThreadPoolExecutor(QUESTIONS, "zenoh")
+
+    async def open(self) -> None:
+        """Start to look for the market; returns at once."""
+        self._loop = asyncio.get_running_loop()
+        self.feed.open()
+        self._look = asyncio.Event()
+        self._watching = asyncio.create_task(self._watch())
+
+    async def close(self) -> None:
+        """End the session."""
+        self._watching.cancel()
+        await asyncio.wait([self._watching])
+        if self._client is not None:
+            await self._loop.run_in_executor(self._threads, self._client.session.close)
+        self._threads.shutdown(wait=False, cancel_futures=True)
+
+    # ---------------------------------------------------------------- asking
+
+    def check(self) -> Client:
+        """The session with the market.
+
+        Raises
+        ------
+        Problem
+            While the market is away.
+        """
+        if self._client is None:
+            raise Problem("market-away", f"run {self.run}: nobody listens at {self.endpoint}; the gateway keeps trying")
+        if not self.clock_present:
+            raise Problem("market-away", f"run {self.run}: no clock at {self.endpoint}; the gateway waits for it")
+        return self._client
+
+    async def ask(self, question: Callable[[Client], T]) -> T:
+        """Ask the market something, in a thread of its own."""
+        client = self.check()
+        return await self._loop.run_in_executor(self._threads, lambda: question(client))
+
+    # ---------------------------------------------------------------- watching
+
+    async def _watch(self) -> None:
+        self._client = await self._connect()
+        while True:
+            self._look.clear()
+            if self.clock_present:
+                await self.refresh()
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._look.wait(), STATUS_PERIOD_S)
+
+    async def _connect(self) -> Client:
+        waiting = False
+        while True:
+            try:
+                return await self._loop.run_in_executor(self._threads, self._open_client)
+            except BusError as error:
+                if not waiting:
+                    say(f"waiting for the market: {error}")
+                    waiting = True
+                await asyncio.sleep(ATTEMPT_S / 4)
+
+    def _open_client(self) -> Client:
+        client = Client(self.run, self.endpoint, timeout_s=ATTEMPT_S)
+        client.timeout_s = ANSWER_S
+        self._following = client.follow(self.feed.push)
+        self._presence = client.watch(self._tell)
+        return client
+
+    def _tell(self, agent: str, came: bool) -> None:
+        self._loop.call_soon_threadsafe(self._changed, agent, came)
+
+    def _changed(self, agent: str, came: bool) -> None:
+        if agent == "clock":
+            self.clock_present = came
+            self.status = None
+            self._look.set()
+            say(f"the market {self.run} at {self.endpoint} is {'there' if came else 'away; waiting for it'}")
+        elif came:
+            self.present.add(agent)
+        else:
+            self.present.discard(agent)
+
+    async def known_status(self) -> Status:
+        """How the clock stands; at most a moment old."""
+        self.check()
+        if self.status is None:
+            await self.refresh()
+        if self.status is None:
+            raise Problem("market-away", f"run {self.run}: its clock at {self.endpoint} does not answer")
+        return self.status
+
+    async def refresh(self) -> None:
+        """Ask the clock how it stands, and remember it."""
+        before = self.feed.latest
+        try:
+            self.status = await self.ask(lambda client: client.control("status", homes=False))
+        except (ZengridError, Problem):
+            self.status = None
+        else:
+            if self.status.last is None and self.feed.latest is before:
+                self.feed.clear()  # a new market has begun where an old one was
+
+
+def say(text: str) -> None:
+    """One line for whoever started the gateway."""
+    print(f"zengrid gateway: {text}", file=sys.stderr, flush=True)
+
+
+async def _link(connection: HTTPConnection) -> MarketLink:
+    link: MarketLink = connection.app.state.link
+    return link
+
+
+Link = Annotated[MarketLink, Depends(_link)]
+"""The link to the market, for routes."""

@@ -1,0 +1,150 @@
+"""Errors as RFC 9457 problem details: one catalogue, used for the answers and for their documentation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from http import HTTPStatus
+from typing import Any, Literal
+
+from fastapi import FastAPI, Request, Response
+from fastapi.exceptions import RequestValidationError
+from pydantic import BaseModel, ConfigDict, Field
+from starlette.exceptions import HTTPException
+
+from zengrid.errors import BusError, RefusedError, ZengridError
+
+MEDIA_TYPE = "application/problem+json"
+
+Kind = Literal["market-away", "no-slot", "not-found", "refused", "invalid", "method-not-allowed", "failed"]
+
+CATALOGUE: Mapping[Kind, tuple[int, str, str]] = {
+    "market-away": (
+        503,
+        "The market is away",
+        "run main: nobody listens at tcp/127.0.0.1:7447; the gateway goes on trying",
+    ),
+    "no-slot": (503, "No slot is settled yet", "run main: waits for its agents"),
+    "not-found": (404, "Not found", "/v1/prise: there is no such page"),
+    "method-not-allowed": (405, "Method not allowed", "DELETE /v1/price: allowed are GET, HEAD"),
+    "refused": (409, "The market refused", "the market is over"),
+    "invalid": (422, "Invalid request", "limit = 0: Input should be greater than or equal to 1"),
+    "failed": (500, "The gateway failed", "an error that is not yours; the gateway's log has it"),
+}
+"""Each kind of problem: status code, title, and an example of its detail."""
+
+
+class FieldError(BaseModel):
+    """One field of a request that cannot be used."""
+
+    field: str = Field(description="Where it stands, such as `body.battery.capacity_kwh`.")
+    value: Any = Field(default=None, description="What was sent.")
+    allowed: str = Field(description="What is allowed.")
+
+
+class ProblemDetails(BaseModel):
+    """An error, as RFC 9457 describes it."""
+
+    model_config = ConfigDict(title="Problem")
+
+    type: str = Field(description="Kind of problem, as a URN.", examples=["urn:zengrid:invalid"])
+    title: str
+    status: int
+    detail: str = Field(description="The thing, its value and what is permitted.")
+    errors: list[FieldError] = Field(default_factory=list, description="Field by field, where a request was invalid.")
+
+
+class Problem(Exception):  # noqa: N818 - RFC 9457 calls it so
+    """Raised by a route to answer with a problem."""
+
+    def __init__(
+        self, kind: Kind, detail: str, *, errors: Sequence[FieldError] = (), headers: Mapping[str, str] | None = None
+    ) -> None:
+        super().__init__(detail)
+        self.kind = kind
+        self.errors = list(errors)
+        self.headers = headers
+
+    def response(self) -> Response:
+        """As it is sent."""
+        status, title, _ = CATALOGUE[self.kind]
+        body = ProblemDetails(type=urn(self.kind), title=title, status=status, detail=str(self), errors=self.errors)
+        headers = {"retry-after": "1"} if status == HTTPStatus.SERVICE_UNAVAILABLE else {}
+        return Response(body.model_dump_json(), status, {**headers, **(self.headers or {})}, MEDIA_TYPE)
+
+
+def urn(kind: Kind) -> str:
+    """The ``type`` of a problem."""
+    return f"urn:zengrid:{kind}"
+
+
+def documented(*kinds: Kind) -> dict[int | str, dict[str, Any]]:
+    """The problems a route may answer with, for its documentation; several kinds may share a status code."""
+    responses: dict[int | str, dict[str, Any]] = {}
+    for kind in (*kinds, "failed"):
+        status, title, example = CATALOGUE[kind]
+        body = {"type": urn(kind), "title": title, "status": status, "detail": example, "errors": []}
+        media = {
+            "schema": {"$ref": "#/components/schemas/Problem"},
+            "examples": {kind: {"summary": title, "value": body}},
+        }
+        if status in responses:
+            responses[status]["description"] += f"; or: {title}"
+            responses[status]["content"][MEDIA_TYPE]["examples"] |= media["examples"]
+        else:
+            responses[status] = {"description": title, "content": {MEDIA_TYPE: media}}
+    return responses
+
+
+def install(app: FastAPI) -> None:
+    """Answer every error of this application with a problem."""
+    app.add_exception_handler(Problem, _problem)
+    app.add_exception_handler(RequestValidationError, _invalid)
+    app.add_exception_handler(HTTPException, _http)
+    app.add_exception_handler(ZengridError, _zengrid)
+    app.add_exception_handler(Exception, _failed)
+
+
+async def _problem(request: Request, error: Exception) -> Response:
+    assert isinstance(error, Problem)
+    return error.response()
+
+
+async def _invalid(request: Request, error: Exception) -> Response:
+    assert isinstance(error, RequestValidationError)
+    errors = [
+        FieldError(
+            field=".".join(str(part) for part in each["loc"]), value=_shown(each.get("input")), allowed=each["msg"]
+        )
+        for each in error.errors()
+    ]
+    first = errors[0]
+    return Problem("invalid", f"{first.field} = {first.value}: {first.allowed}", errors=errors).response()
+
+
+def _shown(value: Any) -> Any:
+    """What was sent, cut to a length that fits an answer."""
+    text = repr(value)
+    return value if len(text) <= 200 and isinstance(value, str | int | float | bool | None) else f"{text[:200]}"
+
+
+async def _http(request: Request, error: Exception) -> Response:
+    """What the routing itself refuses."""
+    assert isinstance(error, HTTPException)
+    path = request.url.path[:200]
+    if error.status_code == HTTPStatus.NOT_FOUND:
+        return Problem("not-found", f"{path}: there is no such page").response()
+    if error.status_code == HTTPStatus.METHOD_NOT_ALLOWED:
+        allowed = dict(error.headers or {}).get("Allow", "")
+        detail = f"{request.method} {path}: allowed are {allowed}"
+        return Problem("method-not-allowed", detail, headers={"allow": allowed}).response()
+    return Problem("invalid", str(error.detail)).response()
+
+
+async def _zengrid(request: Request, error: Exception) -> Response:
+    if isinstance(error, BusError):
+        return Problem("market-away", str(error)).response()
+    return Problem("refused" if isinstance(error, RefusedError) else "invalid", str(error)).response()
+
+
+async def _failed(request: Request, error: Exception) -> Response:
+    return Problem("failed", "an error that is not yours; the gateway's log has it").response()
