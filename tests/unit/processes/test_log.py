@@ -1,0 +1,44 @@
+"""Log files stay small, and the last words of a process are found in them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from zengrid.processes.log import MAX_BYTES, bound, end_of, tail
+
+
+def test_a_log_that_grew_too_large_is_set_aside_while_its_writer_goes_on(tmp_path: Path) -> None:
+    log = tmp_path / "clock.log"
+    with log.open("ab", buffering=0) as writer:
+        writer.write(b"x" * MAX_BYTES)
+        assert not bound(log)
+        writer.write(b"the end\n")
+        assert bound(log)
+        writer.write(b"a new beginning\n")
+    assert log.read_bytes() == b"a new beginning\n"
+    aside = (tmp_path / "clock.log.1").read_bytes()
+    assert len(aside) == MAX_BYTES
+    assert aside.endswith(b"the end\n")
+
+
+def test_the_tail_quotes_only_the_present_life(tmp_path: Path) -> None:
+    log = tmp_path / "p1.log"
+    log.write_text("an earlier life\n")
+    since = end_of(log)
+    with log.open("a") as writer:
+        writer.write("one\n\ntwo\nthree\n")
+    assert tail(log, since) == ["one", "two", "three"]
+    assert tail(log, since, lines=2) == ["two", "three"]
+    assert tail(log)[0] == "an earlier life"
+
+
+def test_a_log_that_was_never_written_is_empty(tmp_path: Path) -> None:
+    assert end_of(tmp_path / "none.log") == 0
+    assert tail(tmp_path / "none.log") == []
+    assert not bound(tmp_path / "none.log")
+
+
+def test_bytes_that_are_no_text_are_shown_anyhow(tmp_path: Path) -> None:
+    log = tmp_path / "odd.log"
+    log.write_bytes(b"caf\xe9\n")
+    assert tail(log) == ["caf\N{REPLACEMENT CHARACTER}"]
