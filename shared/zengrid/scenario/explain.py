@@ -1,0 +1,171 @@
+"""Turns pydantic's findings into one line each: field, value, what is permitted, and the line in the file."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pydantic import ValidationError
+
+Place = tuple[str | int, ...]
+Schema = Mapping[str, Any]
+
+_SHOWN = 10
+_LONGEST = 60
+
+
+def explain(error: ValidationError, given: object, line_of: Callable[[Place], int | None] | None = None) -> str:
+    """One line for each wrong field.
+
+    Parameters
+    ----------
+    error:
+        What pydantic found in a scenario.
+    given:
+        What it was given.
+    line_of:
+        The line of the file where a field stands, if there is a file.
+    """
+    from zengrid.scenario.scenario import Scenario
+
+    schema = Scenario.model_json_schema(by_alias=True)
+    lines: dict[Place, str] = {}
+    for finding in error.errors(include_url=False):
+        place = _place(finding["loc"], given, missing=finding["type"] == "missing")
+        text, at = _describe(finding, place, schema, given)
+        line = line_of(at) if line_of is not None else None
+        lines.setdefault(at, text if line is None else f"line {line}: {text}")
+    shown = list(lines.values())[:_SHOWN]
+    if len(lines) > _SHOWN:
+        shown.append(f"and {len(lines) - _SHOWN} more")
+    return "\n".join(shown)
+
+
+def _place(loc: Sequence[str | int], given: object, *, missing: bool) -> Place:
+    """The path of a field as it stands in the file: pydantic also names which member of a union it tried."""
+    place: list[str | int] = []
+    for position, step in enumerate(loc):
+        inside = _member(given, step)
+        if inside is not None or (isinstance(given, Mapping) and step in given):
+            place.append(step)
+            given = inside
+        elif missing and position == len(loc) - 1:
+            place.append(step)
+    return tuple(place)
+
+
+def _describe(finding: Any, place: Place, schema: Schema, given: object) -> tuple[str, Place]:
+    """The line about one finding, and the field it is about."""
+    kind, path = finding["type"], ".".join(map(str, place))
+    if kind == "value_error":
+        message = finding["msg"].removeprefix("Value error, ")
+        if not path or message.startswith("permitted"):
+            return f"{path}: {message}".removeprefix(": "), (*place, *_named(message))
+        return f"{path}.{message}", (*place, *_named(message))
+    if kind == "union_tag_not_found":
+        return f"{path}.kind: missing; needed: {_permitted(place, schema, given)}", place
+    if kind == "missing":
+        return f"{path}: missing; needed: {_permitted(place, schema, given)}", place
+    if kind == "extra_forbidden":
+        fields = _fields(_at(place[:-1], schema, given))
+        return f"{path}: there is no such field; permitted: {', '.join(fields)}", place
+    value = given
+    for step in place:
+        value = _member(value, step)
+    if kind == "union_tag_invalid" and isinstance(value, Mapping):
+        return f"{path}.kind = {value['kind']!r}; permitted: {_permitted(place, schema, given)}", (*place, "kind")
+    return f"{path or 'scenario'} = {_short(value)}: permitted: {_permitted(place, schema, given)}", place
+
+
+def _named(message: str) -> Place:
+    """The field a validator's own message begins with."""
+    found = re.match(r"[a-z_]+(?=( = |: |\.))", message)
+    return () if found is None or found[0] == "permitted" else (found[0],)
+
+
+def _short(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
+
+
+def _member(value: object, step: str | int) -> object:
+    if isinstance(value, Mapping):
+        return value.get(step)
+    if isinstance(value, Sequence) and not isinstance(value, str) and isinstance(step, int) and step < len(value):
+        return value[step]
+    return None
+
+
+def _at(place: Place, schema: Schema, given: object) -> Schema:
+    """The part of the schema that describes a field."""
+    node = _resolve(schema, schema, given)
+    for step in place:
+        given = _member(given, step)
+        inner = node.get("properties", {}).get(step) or node.get("items") or node.get("additionalProperties") or {}
+        node = _resolve(inner if isinstance(inner, Mapping) else {}, schema, given)
+    return node
+
+
+def _resolve(node: Schema, schema: Schema, given: object) -> Schema:
+    """Follow references, and choose the member of a union that the given value is meant to be."""
+    if "$ref" in node:
+        return _resolve(schema["$defs"][node["$ref"].rsplit("/", 1)[-1]], schema, given)
+    mapping = node.get("discriminator", {}).get("mapping", {})
+    if isinstance(given, Mapping) and given.get("kind") in mapping:
+        return _resolve({"$ref": mapping[given["kind"]]}, schema, given)
+    members = [_resolve(member, schema, given) for member in node.get("anyOf", ()) if member.get("type") != "null"]
+    if len(members) == 1:
+        return {**members[0], "or_null": True}
+    if isinstance(given, Mapping):
+        return next((member for member in members if member.get("type") == "object"), node)
+    return node
+
+
+def _fields(node: Schema) -> list[str]:
+    return list(node.get("properties", {}))
+
+
+def _permitted(place: Place, schema: Schema, given: object) -> str:
+    node = _at(place, schema, given)
+    text = _words(node, schema)
+    return f"{text}, or null" if node.get("or_null") else text
+
+
+def _words(node: Schema, schema: Schema) -> str:
+    """What a schema permits, in words."""
+    if "discriminator" in node:
+        return f"kind {', '.join(node['discriminator']['mapping'])}"
+    if "anyOf" in node:
+        return " or ".join(_words(_resolve(member, schema, None), schema) for member in node["anyOf"])
+    if "enum" in node or "const" in node:
+        return ", ".join(map(str, node.get("enum", [node.get("const")])))
+    kind = node.get("type")
+    if kind in ("number", "integer"):
+        return f"a {'whole ' if kind == 'integer' else ''}number{_range(node)}"
+    if kind == "array":
+        return f"a list of {node.get('minItems', 0)} to {node['maxItems']}" if "maxItems" in node else "a list"
+    if kind == "object":
+        fields = _fields(node)
+        return f"the fields {', '.join(fields)}" if fields else "pairs of a name and a number"
+    if "pattern" in node:
+        return f"text like {_EXAMPLES.get(node['pattern'], node['pattern'])}"
+    return f"text of at most {node['maxLength']} characters" if "maxLength" in node else "text"
+
+
+_EXAMPLES = {
+    r"^([01]\d|2[0-3]):[0-5]\d$": "11:00",
+    r"^(0[1-9]|1[0-2])-(0[1-9]|[12]\d|3[01])$": "04-15, a month and a day",
+    r"^[a-z0-9][a-z0-9_-]{0,62}$": "p1: 1 to 63 of a-z, 0-9, _ and -, beginning with a letter or digit",
+    r"^[0-9a-f]{64}$": "64 hexadecimal digits",
+}
+
+
+def _range(node: Schema) -> str:
+    low, high = node.get("minimum"), node.get("maximum")
+    above, below = node.get("exclusiveMinimum"), node.get("exclusiveMaximum")
+    start = f" from {low:g}" if low is not None else f" above {above:g}" if above is not None else ""
+    if high is not None:
+        return f"{start} to {high:g}"
+    return f"{start} to below {below:g}" if below is not None else f"{start} up" if low is not None else start

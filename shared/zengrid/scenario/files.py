@@ -1,0 +1,149 @@
+"""Scenario files: YAML to a scenario and back, and the built-in ones by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import ValidationError
+
+from zengrid.errors import ScenarioError
+from zengrid.scenario.explain import Place, explain
+from zengrid.scenario.scenario import Scenario
+from zengrid.scenario.source import BuiltinData, content_hash
+
+_BUILTIN = Path(__file__).parent / "builtin"
+_Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_Dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+
+BUILTIN = ("paper", "fontana", "village", "city")
+"""Scenarios that ship with zengrid."""
+
+
+def load(name_or_path: str | Path, *, data: Path | None = None, seed: int | None = None) -> Scenario:
+    """Load a built-in scenario or a file.
+
+    Parameters
+    ----------
+    name_or_path:
+        ``paper``, ``fontana``, ``village``, ``city``, or the path of a YAML file.
+    data:
+        Where the measured data lies, for scenarios that play such (``data.path``).
+    seed:
+        Instead of the scenario's own.
+
+    Raises
+    ------
+    ScenarioError
+        There is no such scenario, or it is wrong: one line for each field, with its value and what is permitted.
+    """
+    path = _BUILTIN / f"{name_or_path}.yaml" if str(name_or_path) in BUILTIN else Path(name_or_path).expanduser()
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        there = f"permitted: {', '.join(BUILTIN)}, or the path of a YAML file"
+        raise ScenarioError(f"scenario {str(name_or_path)!r}: cannot be read ({error.strerror}); {there}") from None
+    except UnicodeDecodeError as error:
+        raise ScenarioError(f"{path}: is not a YAML file in UTF-8 ({error})") from None
+    scenario = loads(text, where=str(path), folder=path.parent, data=data, seed=seed)
+    scenario.data.files(scenario.slot_minutes)  # Says at once where to get data that is needed and not given.
+    return scenario
+
+
+def loads(
+    text: str, *, where: str = "scenario", folder: Path | None = None, data: Path | None = None, seed: int | None = None
+) -> Scenario:
+    """Read a scenario from YAML text, such as ``Scenario.dump`` writes.
+
+    Parameters
+    ----------
+    text:
+        The YAML.
+    where:
+        What errors call it.
+    folder:
+        Where relative paths of data count from; the current folder by default.
+    data, seed:
+        As in ``load``.
+
+    Raises
+    ------
+    ScenarioError
+        As ``load`` does.
+    """
+    loader = _Loader(text)
+    try:
+        node = loader.get_single_node()
+        _refuse_doubles(node, where)
+        fields = loader.construct_document(node) if node is not None else None
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        line = f", line {mark.line + 1}" if mark is not None else ""
+        raise ScenarioError(f"{where}{line}: is not YAML ({getattr(error, 'problem', error)})") from None
+    finally:
+        loader.dispose()
+    if not isinstance(fields, dict):
+        raise ScenarioError(f"{where}: holds no fields; needed: name, tariff, facilities, homes and the like")
+    if data is not None:
+        source = fields.get("data")
+        if not isinstance(source, dict) or source.get("kind") not in ("citylearn", "csv"):
+            raise ScenarioError(f"{where}: plays no measured data from one path, so it takes none; given: {data}")
+        source["path"] = str(Path(data).expanduser().resolve())
+    if seed is not None:
+        fields["seed"] = seed
+    try:
+        return Scenario.model_validate(fields, context={"folder": folder or Path.cwd()})
+    except ValidationError as error:
+        found = explain(error, fields, _lines(node)).splitlines()
+        raise ScenarioError("\n".join(f"{where}, {line}" for line in found)) from None
+
+
+def dump(scenario: Scenario) -> str:
+    """The complete scenario as YAML, defaults included; data files by absolute path and content hash."""
+    fields = scenario.model_dump(mode="json", by_alias=True)
+    if not isinstance(scenario.data, BuiltinData):
+        fields["data"]["sha256"] = content_hash(scenario.data.files(scenario.slot_minutes))
+    text: str = yaml.dump(fields, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=120)
+    return text
+
+
+def _refuse_doubles(root: yaml.Node | None, where: str) -> None:
+    """YAML would silently take the last of two fields of one name."""
+    waiting, known = [root], set()
+    while waiting:
+        node = waiting.pop()
+        if id(node) in known:  # An alias may lead back to where it stands.
+            continue
+        known.add(id(node))
+        if isinstance(node, yaml.MappingNode):
+            names: set[str] = set()
+            for key, value in node.value:
+                if key.value in names:
+                    line = key.start_mark.line + 1
+                    raise ScenarioError(f"{where}, line {line}: {key.value} stands there twice; permitted: once")
+                names.add(key.value)
+                waiting.append(value)
+        elif isinstance(node, yaml.SequenceNode):
+            waiting.extend(node.value)
+
+
+def _lines(root: yaml.Node | None) -> Callable[[Place], int | None]:
+    def line_of(place: Place) -> int | None:
+        node: Any = root
+        line = None
+        for step in place:
+            if isinstance(node, yaml.MappingNode):
+                found = next(((key, value) for key, value in node.value if key.value == str(step)), None)
+                if found is None:
+                    break
+                line, node = found[0].start_mark.line + 1, found[1]
+            elif isinstance(node, yaml.SequenceNode) and isinstance(step, int) and step < len(node.value):
+                node = node.value[step]
+                line = node.start_mark.line + 1
+            else:
+                break
+        return line
+
+    return line_of

@@ -1,0 +1,1 @@
+"""Readers for measured data: plain CSV, CityLearn building files, CAISO OASIS exports."""

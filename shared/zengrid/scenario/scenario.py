@@ -1,0 +1,301 @@
+"""A whole market as one validated object: what a scenario file says."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from itertools import pairwise
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, Self
+
+from pydantic import Field, ValidationError, field_validator, model_serializer, model_validator
+from pydantic import SerializerFunctionWrapHandler as Handler
+
+from zengrid.core.params import Facilities, Market
+from zengrid.errors import ScenarioError
+from zengrid.scenario.home import HomeSpec, Id, Spec, homes_params
+from zengrid.scenario.noise import Noise
+from zengrid.scenario.population import Population
+from zengrid.scenario.site import Site
+from zengrid.scenario.source import BuiltinData, Data
+
+if TYPE_CHECKING:
+    from zengrid.scenario.days import Days
+
+DAY_MINUTES = 1440
+
+Price = Annotated[float, Field(ge=0.0, le=1000.0)]
+
+
+class AgentSpec(NamedTuple):
+    """A prosumer agent and the ids of its homes, which stand next to each other in the scenario."""
+
+    id: str
+    homes: tuple[str, ...]
+
+
+class TariffStep(Spec):
+    """The sell price from a time of day on."""
+
+    start: str = Field(alias="from", pattern=r"^([01]\d|2[0-3]):[0-5]\d$", description="Time of day, HH:MM.")
+    price: Price = Field(description="Posted price at which the grid sells [$/kWh].")
+
+    @field_validator("start", mode="before")
+    @classmethod
+    def _clock(cls, value: object) -> object:
+        # YAML reads 11:00 without quotes as the number 660.
+        return f"{value // 60:02d}:{value % 60:02d}" if type(value) is int and 0 <= value < DAY_MINUTES else value
+
+    @property
+    def minute(self) -> int:
+        """Minute of the day. [min]"""
+        return 60 * int(self.start[:2]) + int(self.start[3:])
+
+
+class FacilitySpec(Spec):
+    """A generation facility; running it at P kW costs a P^2 + b P + c dollars an hour."""
+
+    name: Id
+    min_kw: float = Field(default=0.0, ge=0.0, le=1e9, description="Lowest output; only the first can have one [kW].")
+    max_kw: float = Field(ge=0.0, le=1e9, description="Highest output [kW].")
+    a: float = Field(default=0.0, ge=0.0, le=1e6, description="[$/kW2h]")
+    b: float = Field(ge=0.0, le=1e6, description="[$/kWh]")
+    c: float = Field(default=0.0, ge=0.0, le=1e6, description="[$/h]")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.max_kw < self.min_kw:
+            raise ValueError(f"max_kw = {self.max_kw:g}: permitted from min_kw = {self.min_kw:g} up")
+        return self
+
+
+class ConsumerSpec(Spec):
+    """A plain consumer: it buys at the sell price and decides nothing."""
+
+    name: Id
+    profiles: tuple[str, ...] = Field(min_length=1, description="Load profiles of the data; they are added up.")
+    scale: float = Field(default=1.0, ge=0.0, le=1e6, description="Factor on their sum [-].")
+
+
+class Split(Spec):
+    """Which days are kept for evaluation: training never sees them."""
+
+    evaluation_days: int = Field(
+        default=10_000, ge=1, le=10**9, description="Of a typical day: so many days from day 0 on are for evaluation."
+    )
+    evaluation_months: tuple[Annotated[int, Field(ge=1, le=12)], ...] | None = Field(
+        default=None, description="Of measured days: these months; null takes every so many days instead."
+    )
+    evaluation_every: int = Field(
+        default=4, ge=2, le=10_000, description="Of measured days without evaluation_months: one day of so many."
+    )
+
+
+class Scenario(Spec):
+    """Fully describes a market. Load one with ``load``, vary it with ``with_``, play its ``days()``."""
+
+    name: Id
+    title: str = Field(default="", max_length=200, description="One line for lists.")
+    description: str = Field(
+        default="", max_length=10_000, description="What it shows, and where its numbers are from."
+    )
+    seed: int = Field(default=0, ge=0, lt=2**63, description="Another seed gives other days, where there is noise.")
+    slot_minutes: int = Field(default=60, ge=1, le=DAY_MINUTES, description="Length of a slot; divides the day [min].")
+    soc_reset: Literal["daily", "never"] = Field(
+        default="never",
+        description="Whether stored energy starts anew each day (the paper's episodes) or carries over.",
+    )
+    tariff: tuple[TariffStep, ...] = Field(min_length=1, max_length=DAY_MINUTES, description="Posted sell price.")
+    buy_prices: tuple[Price, ...] = Field(
+        default=(0.05, 0.06, 0.07, 0.08, 0.09, 0.10),
+        min_length=1, max_length=1000, description="Levels at which the grid may buy, increasing [$/kWh].",
+    )  # fmt: skip
+    conventional_buy_price: Price = Field(default=0.05, description="Buy price without demand response [$/kWh].")
+    battery_levels: int = Field(
+        default=5, ge=2, le=1001, description="Commands a learner chooses from, evenly from discharge to charge."
+    )
+    value_of_lost_load: float = Field(default=5.0, ge=0.0, le=1e6, description="Charge for unserved demand [$/kWh].")
+    facilities: tuple[FacilitySpec, ...] = Field(min_length=1, max_length=1000, description="In order of dispatch.")
+    homes: tuple[HomeSpec, ...] = Field(default=(), max_length=100_000, description="The prosumers, one by one, or")
+    population: Population | None = Field(default=None, description="drawn from distributions.")
+    fleets: int | None = Field(
+        default=None,
+        ge=1,
+        le=100_000,
+        description="So many agents fleet1, fleet2, ... share the homes; null: one each.",
+    )
+    consumers: tuple[ConsumerSpec, ...] = Field(default=(), max_length=10_000, description="Those who only consume.")
+    site: Site | None = Field(default=None, description="Where it is, for PV that no data gives.")
+    data: Data = Field(default=BuiltinData(), description="Where the profiles come from.")
+    noise: Noise = Field(default=Noise(), description="How days differ; `off` for none.")
+    split: Split = Field(default=Split(), description="Which days are for evaluation.")
+
+    @field_validator("noise", mode="before")
+    @classmethod
+    def _off(cls, value: object) -> object:
+        # YAML reads off without quotes as false.
+        return {} if value is None or value is False or value == "off" else value
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if DAY_MINUTES % self.slot_minutes:
+            near = [m for m in range(1, DAY_MINUTES + 1) if DAY_MINUTES % m == 0]
+            below = max(m for m in near if m < self.slot_minutes)
+            above = min(m for m in near if m > self.slot_minutes)
+            raise ValueError(
+                f"slot_minutes = {self.slot_minutes}: permitted: a divisor of the day's 1440 minutes, "
+                f"such as {below} or {above}"
+            )
+        self._check_tariff()
+        if any(low >= high for low, high in pairwise(self.buy_prices)):
+            raise ValueError(f"buy_prices = {list(self.buy_prices)}: permitted: increasing prices")
+        for facility in self.facilities[1:]:
+            if facility.min_kw:
+                raise ValueError(
+                    f"facilities: {facility.name} has min_kw = {facility.min_kw:g}; permitted: 0 but for the first"
+                )
+        if self.population is not None:
+            if self.homes:
+                raise ValueError("homes: given beside population; permitted: one of both")
+            object.__setattr__(self, "homes", self.population.homes())
+        if not self.homes:
+            raise ValueError("homes: none; needed: at least one home, or a population")
+        _unique("facilities", [facility.name for facility in self.facilities])
+        _unique("homes", [home.id for home in self.homes])
+        _unique("consumers", [consumer.name for consumer in self.consumers])
+        if "grid" in self.home_ids:
+            raise ValueError('homes: id "grid" is that of the grid agent; permitted: any other')
+        if self.fleets is not None and self.fleets > len(self.homes):
+            raise ValueError(f"fleets = {self.fleets}: permitted: 1 to {len(self.homes)}, the number of homes")
+        return self
+
+    def _check_tariff(self) -> None:
+        if self.tariff[0].minute:
+            raise ValueError(f'tariff: begins at {self.tariff[0].start}; needed: a price from "00:00" on')
+        for step, after in pairwise(self.tariff):
+            if after.minute <= step.minute:
+                raise ValueError(f"tariff: {after.start} after {step.start}; permitted: increasing times")
+        for step in self.tariff:
+            if step.minute % self.slot_minutes:
+                raise ValueError(
+                    f"tariff: {step.start} lies within a slot; permitted: multiples of {self.slot_minutes} min"
+                )
+
+    @model_serializer(mode="wrap")
+    def _undrawn(self, handler: Handler) -> dict[str, Any]:
+        fields: dict[str, Any] = handler(self)
+        if self.population is not None:
+            fields.pop("homes", None)  # They are drawn again.
+        return fields
+
+    @property
+    def dt_h(self) -> float:
+        """Length of a slot. [h]"""
+        return self.slot_minutes / 60.0
+
+    @property
+    def slots_per_day(self) -> int:
+        """Number of slots of a day."""
+        return DAY_MINUTES // self.slot_minutes
+
+    @cached_property
+    def home_ids(self) -> tuple[str, ...]:
+        """Ids of the homes, in the order of all arrays."""
+        return tuple(home.id for home in self.homes)
+
+    @cached_property
+    def agents(self) -> tuple[AgentSpec, ...]:
+        """Who acts for the homes: each for itself, or fleets of neighbours of nearly the same size."""
+        ids, fleets = self.home_ids, self.fleets
+        if fleets is None:
+            return tuple(AgentSpec(home, (home,)) for home in ids)
+        edges = [len(ids) * i // fleets for i in range(fleets + 1)]
+        return tuple(AgentSpec(f"fleet{i + 1}", ids[a:b]) for i, (a, b) in enumerate(pairwise(edges)))
+
+    @cached_property
+    def sell_prices(self) -> tuple[float, ...]:
+        """The posted sell price of each slot of the day. [$/kWh]"""
+        starts = range(0, DAY_MINUTES, self.slot_minutes)
+        return tuple(next(s.price for s in reversed(self.tariff) if s.minute <= start) for start in starts)
+
+    def market(self) -> Market:
+        """The homes, facilities and slot length as the core takes them."""
+        facilities = Facilities.of(
+            p_min_kw=[f.min_kw for f in self.facilities],
+            p_max_kw=[f.max_kw for f in self.facilities],
+            cost_a=[f.a for f in self.facilities],
+            cost_b=[f.b for f in self.facilities],
+            cost_c=[f.c for f in self.facilities],
+        )
+        return Market(homes_params(self.homes), facilities, self.dt_h, self.value_of_lost_load)
+
+    def days(self) -> Days:
+        """The days this market plays. Reads the data: keep the object.
+
+        Raises
+        ------
+        ScenarioError
+            The data cannot be read, or does not hold what the scenario asks for.
+        """
+        from zengrid.scenario.days import Days
+
+        return Days(self)
+
+    def dump(self) -> str:
+        """The complete scenario as YAML; data files by absolute path and content hash."""
+        from zengrid.scenario.files import dump
+
+        return dump(self)
+
+    def with_(self, **changes: Any) -> Scenario:
+        """The same scenario with some fields changed, validated.
+
+        Parameters
+        ----------
+        **changes:
+            New values by field; dots lead into a field, ``*`` stands for all members of a list:
+            ``with_(seed=3, noise="off")``, ``with_(**{"homes.*.battery.capacity_kwh": 10})``.
+
+        Raises
+        ------
+        ScenarioError
+            Names the field, the value and what is permitted.
+        """
+        from zengrid.scenario.explain import explain
+
+        fields = self.model_dump(by_alias=True)
+        if self.population is not None and any(path.split(".")[0] == "homes" for path in changes):
+            # Homes that are changed one by one are no longer drawn.
+            fields |= {"homes": [home.model_dump() for home in self.homes], "population": None}
+        for path, value in changes.items():
+            _change(fields, path.split("."), path, value)
+        try:
+            return Scenario.model_validate(fields)
+        except ValidationError as error:
+            raise ScenarioError(explain(error, fields)) from None
+
+
+def _unique(field: str, names: list[str]) -> None:
+    if len(set(names)) != len(names):
+        double = next(name for position, name in enumerate(names) if name in names[:position])
+        raise ValueError(f'{field}: "{double}" stands there twice; permitted: once')
+
+
+def _change(fields: Any, steps: list[str], path: str, value: object) -> None:
+    step, rest = steps[0], steps[1:]
+    if isinstance(fields, (list, tuple)):
+        chosen = range(len(fields)) if step == "*" else [int(step)] if step.isdecimal() else []
+        if not chosen or chosen[-1] >= len(fields):
+            raise ScenarioError(f"{path}: there is no member {step}; permitted: 0 to {len(fields) - 1}, or *")
+        keys: list[Any] = list(chosen)
+    elif isinstance(fields, dict):
+        keys = [step]
+    else:
+        raise ScenarioError(f"{path}: {step} leads into a single value; permitted: the path of a field")
+    for key in keys:
+        if not rest:
+            fields[key] = value
+            continue
+        if isinstance(fields, dict) and fields.get(key) is None:
+            fields[key] = {}
+        if isinstance(fields[key], tuple):
+            fields[key] = list(fields[key])
+        _change(fields[key], rest, path, value)
