@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
 from fastapi import FastAPI
 
 from zengrid import __version__
-from zengrid_gateway import health, market, page, price, problems
+from zengrid_gateway import health, live, market, page, price, problems
+from zengrid_gateway.frames import Frames
 from zengrid_gateway.link import MarketLink
 from zengrid_gateway.settings import Settings
 
@@ -18,18 +20,18 @@ def create_app(settings: Settings) -> FastAPI:
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        link = MarketLink(settings.run, settings.endpoint)
-        app.state.link = link
-        app.state.board = price.PriceBoard(link)
-        await link.open()
-        try:
+        async with MarketLink(settings.run, settings.endpoint) as link:
+            app.state.link = link
+            app.state.board = price.PriceBoard(link)
+            app.state.frames = Frames(link.feed)
+            writing = asyncio.create_task(app.state.frames.run())
             yield
-        finally:
-            await link.close()
+            link.feed.end()
+            await writing
 
     app = FastAPI(title="zengrid", version=__version__, lifespan=lifespan, docs_url=None, redoc_url=None)
     problems.install(app)
-    for subject in (price, market, health):
+    for subject in (price, market, live, health):
         app.include_router(subject.router)
     app.router.routes.extend(page.routes())
     return app

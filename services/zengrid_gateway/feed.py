@@ -1,4 +1,4 @@
-"""The latest slots, in memory: what Zenoh's thread hands over, taken up by the event loop a few times a second."""
+"""The latest slots, in memory: what Zenoh's threads hand over, taken up by the event loop a few times a second."""
 
 from __future__ import annotations
 
@@ -25,18 +25,21 @@ class Feed:
     """Slots in order. ``push`` may be called from any thread, everything else from the event loop alone."""
 
     def __init__(self) -> None:
+        self._loop = asyncio.get_running_loop()
         self._arrived: deque[bytes] = deque(maxlen=KEPT)
         self._slots: deque[Slot] = deque(maxlen=KEPT)
         self._awake = False
-        self.ended = False
-        """Whether the gateway is about to stop; live streams end then."""
+        self._next: asyncio.Future[None] = self._loop.create_future()
         self.latest: dict[str, Any] | None = None
         """The last slot's fields, or None before the first."""
-
-    def open(self) -> None:
-        """Belong to the running event loop."""
-        self._loop = asyncio.get_running_loop()
-        self._next: asyncio.Future[None] = self._loop.create_future()
+        self.changes = 0
+        """How often something has happened."""
+        self.began = 0
+        """How often the market began anew."""
+        self.present = False
+        """Whether the market's clock is there."""
+        self.ended = False
+        """Whether the gateway is about to stop; live streams end then."""
 
     def push(self, payload: bytes) -> None:
         """Take a slot from Zenoh's thread; wakes the event loop only if it is not about to look anyway."""
@@ -50,33 +53,40 @@ class Feed:
             self._awake = False
             if not self._arrived:
                 return
-            self._awake = True  # one arrived in between and found the loop still awake
+            self._awake = True  # one arrived in between, and took the loop to be awake
         while self._arrived:
-            payload = self._arrived.popleft()
-            fields = from_json(payload)
-            position = fields["position"]
-            if self._slots and position <= self._slots[-1].position:
-                if payload == self._slots[-1].payload:
-                    continue  # a late joiner may be told the latest slot twice
-                self._slots.clear()  # the market began anew
-            self._slots.append(Slot(position, payload))
-            self.latest = fields
+            self._keep(self._arrived.popleft())
         self._tell()
         self._loop.call_later(PERIOD_S, self._take)
 
+    def _keep(self, payload: bytes) -> None:
+        fields = from_json(payload)
+        position = fields["position"]
+        if self._slots and position <= self._slots[-1].position:
+            if payload == self._slots[-1].payload:
+                return  # a late joiner may be told the latest slot twice
+            self.clear()
+        self._slots.append(Slot(position, payload))
+        self.latest = fields
+
     def _tell(self) -> None:
+        self.changes += 1
         self._next.set_result(None)
         self._next = self._loop.create_future()
 
-    def end(self) -> None:
-        """Let everybody who waits go."""
-        self.ended = True
-        self._tell()
+    async def changed(self) -> None:
+        """Wait for the next slots, or for the market to come or go."""
+        await asyncio.shield(self._next)
 
-    def clear(self) -> None:
-        """Forget all slots: they belong to a market that is over."""
-        self._slots.clear()
-        self.latest = None
+    @property
+    def position(self) -> int:
+        """Of the latest slot; -1 before the first."""
+        return self._slots[-1].position if self._slots else -1
+
+    @property
+    def first(self) -> int:
+        """Position of the first slot kept; 0 where there is none."""
+        return self._slots[0].position if self._slots else 0
 
     def since(self, position: int) -> list[Slot]:
         """Kept slots after a position, oldest first."""
@@ -87,6 +97,18 @@ class Feed:
             newer.append(slot)
         return newer[::-1]
 
-    async def changed(self) -> None:
-        """Wait for the next slots."""
-        await asyncio.shield(self._next)
+    def clear(self) -> None:
+        """Forget all slots: the market began anew."""
+        self.began += 1
+        self._slots.clear()
+        self.latest = None
+
+    def set_present(self, present: bool) -> None:
+        """Note that the market came or went."""
+        self.present = present
+        self._tell()
+
+    def end(self) -> None:
+        """Let everybody who waits go."""
+        self.ended = True
+        self._tell()

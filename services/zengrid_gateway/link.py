@@ -7,7 +7,7 @@ import contextlib
 import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Annotated, TypeVar
+from typing import Annotated, Self, TypeVar
 
 from fastapi import Depends
 from starlette.requests import HTTPConnection
@@ -31,7 +31,7 @@ QUESTIONS = 8
 
 
 class MarketLink:
-    """Follows a market, whether or not it is there. Opened and closed by the application's lifespan."""
+    """Follows a market, whether or not it is there. Use it with ``async with``; it opens at once and connects later."""
 
     def __init__(self, run: str, endpoint: str) -> None:
         self.run = run
@@ -39,26 +39,22 @@ class MarketLink:
         self.feed = Feed()
         self.status: Status | None = None
         """How the clock stood a moment ago, without homes; None while it is away."""
-        self.present: set[str] = set()
-        """Agents whose process is there and ready."""
-        self.clock_present = False
+        self._loop = asyncio.get_running_loop()
+        self._look = asyncio.Event()
         self._client: Client | None = None
         self._threads = ThreadPoolExecutor(QUESTIONS, "zenoh")
 
-    async def open(self) -> None:
-        """Start to look for the market; returns at once."""
-        self._loop = asyncio.get_running_loop()
-        self.feed.open()
-        self._look = asyncio.Event()
+    async def __aenter__(self) -> Self:
         self._watching = asyncio.create_task(self._watch())
+        return self
 
-    async def close(self) -> None:
-        """End the session."""
+    async def __aexit__(self, *_: object) -> None:
         self._watching.cancel()
         await asyncio.wait([self._watching])
+        # An attempt to connect goes on in its thread for up to a second, and must not leave a session behind.
+        await asyncio.to_thread(self._threads.shutdown, cancel_futures=True)
         if self._client is not None:
-            await self._loop.run_in_executor(self._threads, self._client.session.close)
-        self._threads.shutdown(wait=False, cancel_futures=True)
+            await asyncio.to_thread(self._client.session.close)
 
     # ---------------------------------------------------------------- asking
 
@@ -72,7 +68,7 @@ class MarketLink:
         """
         if self._client is None:
             raise Problem("market-away", f"run {self.run}: nobody listens at {self.endpoint}; the gateway keeps trying")
-        if not self.clock_present:
+        if not self.feed.present:
             raise Problem("market-away", f"run {self.run}: no clock at {self.endpoint}; the gateway waits for it")
         return self._client
 
@@ -84,45 +80,40 @@ class MarketLink:
     # ---------------------------------------------------------------- watching
 
     async def _watch(self) -> None:
-        self._client = await self._connect()
+        await self._connect()
         while True:
             self._look.clear()
-            if self.clock_present:
+            if self.feed.present:
                 await self.refresh()
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(self._look.wait(), STATUS_PERIOD_S)
 
-    async def _connect(self) -> Client:
+    async def _connect(self) -> None:
         waiting = False
-        while True:
+        while self._client is None:
             try:
-                return await self._loop.run_in_executor(self._threads, self._open_client)
+                await self._loop.run_in_executor(self._threads, self._open_client)
             except BusError as error:
                 if not waiting:
                     say(f"waiting for the market: {error}")
                     waiting = True
                 await asyncio.sleep(ATTEMPT_S / 4)
 
-    def _open_client(self) -> Client:
-        client = Client(self.run, self.endpoint, timeout_s=ATTEMPT_S)
+    def _open_client(self) -> None:
+        self._client = client = Client(self.run, self.endpoint, timeout_s=ATTEMPT_S)
         client.timeout_s = ANSWER_S
         self._following = client.follow(self.feed.push)
         self._presence = client.watch(self._tell)
-        return client
 
     def _tell(self, agent: str, came: bool) -> None:
         self._loop.call_soon_threadsafe(self._changed, agent, came)
 
     def _changed(self, agent: str, came: bool) -> None:
         if agent == "clock":
-            self.clock_present = came
+            self.feed.set_present(came)
             self.status = None
             self._look.set()
             say(f"the market {self.run} at {self.endpoint} is {'there' if came else 'away; waiting for it'}")
-        elif came:
-            self.present.add(agent)
-        else:
-            self.present.discard(agent)
 
     async def known_status(self) -> Status:
         """How the clock stands; at most a moment old."""

@@ -15,7 +15,7 @@ from zengrid.errors import BusError, RefusedError, ZengridError
 
 MEDIA_TYPE = "application/problem+json"
 
-Kind = Literal["market-away", "no-slot", "not-found", "refused", "invalid", "method-not-allowed", "failed"]
+Kind = Literal["market-away", "no-slot", "busy", "not-found", "method-not-allowed", "refused", "invalid", "failed"]
 
 CATALOGUE: Mapping[Kind, tuple[int, str, str]] = {
     "market-away": (
@@ -24,6 +24,7 @@ CATALOGUE: Mapping[Kind, tuple[int, str, str]] = {
         "run main: nobody listens at tcp/127.0.0.1:7447; the gateway goes on trying",
     ),
     "no-slot": (503, "No slot is settled yet", "run main: waits for its agents"),
+    "busy": (503, "Too many clients", "clients = 1000: 1000 may watch at a time; try again later"),
     "not-found": (404, "Not found", "/v1/prise: there is no such page"),
     "method-not-allowed": (405, "Method not allowed", "DELETE /v1/price: allowed are GET, HEAD"),
     "refused": (409, "The market refused", "the market is over"),
