@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 _KEPT_DAYS = 8
-_KEPT_HOMES = 256
+_KEPT_HOMES = 64
 # Days are made in portions of about so many values, to bound the memory on the way.
 _PORTION = 1_000_000
 
@@ -80,10 +80,11 @@ class Days:
             loads[..., place] *= consumer.scale
         self._consumers = loads
         self._consumer_keys = self._keys("consumer", [consumer.name for consumer in consumers])
+        self._consumer_noise = np.array([consumer.noise_share for consumer in consumers], dtype=np.float64)
         self._sky_key = self._keys("sky", ["sky"])
         self._sell_price = np.array(scenario.sell_prices)
         self._kept: OrderedDict[int, Exogenous] = OrderedDict()
-        self._kept_homes: OrderedDict[HomeSpec, _Members] = OrderedDict()
+        self._kept_homes: OrderedDict[tuple[HomeSpec, ...], _Members] = OrderedDict()
 
     @property
     def count(self) -> int | None:
@@ -118,24 +119,30 @@ class Days:
         sun = sun_share(self.scenario.noise, self._sky_key, wanted, self._slots)
         pv_kw, load_kw = self._generate(self._homes, wanted, sun)
         consumer_kw = self._consumers[wanted % self._profiles.count]
-        factor = load_factor(self.scenario.noise, self._consumer_keys, wanted, self._slots)
+        factor = load_factor(self.scenario.noise, self._consumer_keys, wanted, self._slots, self._consumer_noise)
         if factor is not None:
             consumer_kw *= factor
         return Exogenous(pv_kw, load_kw, consumer_kw, np.tile(self._sell_price, (len(wanted), 1)))
 
-    def home_day(self, home: HomeSpec, number: int) -> tuple[Floats, Floats]:
-        """PV and load of a home that the scenario need not know, each ``(slot,)``. [kW]
+    def homes_day(self, homes: Sequence[HomeSpec], number: int) -> tuple[Floats, Floats]:
+        """PV and load of homes that the scenario need not know, each ``(slot, home)``. [kW]
 
-        A home of the scenario gets here what it gets in ``day``.
+        A home of the scenario gets here what it gets in ``day``, and so does one that joins later under its name.
         """
-        if home not in self._kept_homes:
-            self._kept_homes[home] = self._members([home])
+        key = tuple(homes)
+        if key not in self._kept_homes:
+            self._kept_homes[key] = self._members(homes)
             if len(self._kept_homes) > _KEPT_HOMES:
                 self._kept_homes.popitem(last=False)
         wanted = self._numbers([number])
         sun = sun_share(self.scenario.noise, self._sky_key, wanted, self._slots)
-        pv_kw, load_kw = self._generate(self._kept_homes[home], wanted, sun)
-        return pv_kw[0, :, 0], load_kw[0, :, 0]
+        pv_kw, load_kw = self._generate(self._kept_homes[key], wanted, sun)
+        return pv_kw[0], load_kw[0]
+
+    def home_day(self, home: HomeSpec, number: int) -> tuple[Floats, Floats]:
+        """PV and load of one home that the scenario need not know, each ``(slot,)``. [kW]"""
+        pv_kw, load_kw = self.homes_day([home], number)
+        return pv_kw[:, 0], load_kw[:, 0]
 
     def training(self, count: int) -> Indices:
         """Numbers of ``count`` days for training, increasing."""
@@ -159,6 +166,13 @@ class Days:
         lap, place = divmod(number, self._profiles.count)
         label = self._profiles.calendar[place].label
         return label if lap == 0 else f"{label}, round {lap + 1}"
+
+    def date(self, number: int) -> tuple[int, int] | None:
+        """Month and day of a measured day; None for a typical one."""
+        if not self._measured:
+            return None
+        day = self._profiles.calendar[number % self._profiles.count]
+        return day.month, day.day
 
     def _spread(self, count: int, *, evaluation: bool) -> Indices:
         """Evenly over the measured days of one kind; where there are fewer than wanted, round after round."""

@@ -37,6 +37,8 @@ def explain(error: ValidationError, given: object, line_of: Callable[[Place], in
         text, at = _describe(finding, place, schema, given)
         line = line_of(at) if line_of is not None else None
         lines.setdefault(at, text if line is None else f"line {line}: {text}")
+    # A union that tried a single value and a mapping reports the field and its members: the members say more.
+    lines = {at: text for at, text in lines.items() if not any(at == other[: len(at)] != other for other in lines)}
     shown = list(lines.values())[:_SHOWN]
     if len(lines) > _SHOWN:
         shown.append(f"and {len(lines) - _SHOWN} more")
@@ -145,7 +147,8 @@ def _words(node: Schema, schema: Schema) -> str:
     if kind in ("number", "integer"):
         return f"a {'whole ' if kind == 'integer' else ''}number{_range(node)}"
     if kind == "array":
-        return f"a list of {node.get('minItems', 0)} to {node['maxItems']}" if "maxItems" in node else "a list"
+        top = f" to {node['maxItems']}" if "maxItems" in node else " or more"
+        return f"a list of {node.get('minItems', 0)}{top}"
     if kind == "object":
         fields = _fields(node)
         return f"the fields {', '.join(fields)}" if fields else "pairs of a name and a number"

@@ -56,7 +56,7 @@ def sun_share(noise: Noise, key: Keys, days: Days, slots: int) -> Floats:
     return np.asarray(1.0 - np.minimum(taken, _DARKEST))
 
 
-def load_factor(noise: Noise, keys: Keys, days: Days, slots: int) -> Floats | None:
+def load_factor(noise: Noise, keys: Keys, days: Days, slots: int, share: Floats | float = 1.0) -> Floats | None:
     """Factor on the load of each home, ``(day, slot, home)``, never negative; None where there is no noise. [-]
 
     The product of a number for the day and one for the slot, both bell-shaped around 1.
@@ -71,15 +71,17 @@ def load_factor(noise: Noise, keys: Keys, days: Days, slots: int) -> Floats | No
         Day numbers, ``(day,)``.
     slots:
         Slots a day.
+    share:
+        How much of the noise each has, ``(home,)`` or one number: many customers together vary less than one. [-]
     """
     if noise.load_level == 0.0 and noise.load_noise == 0.0:
         return None
     of_day = fork(keys, days[:, None])
-    level = 1.0 + bell(fork(of_day, 0)) * noise.load_level
+    level = 1.0 + bell(fork(of_day, 0)) * (noise.load_level * share)
     if noise.load_noise == 0.0:
         return np.repeat(np.maximum(level, 0.0)[:, None, :], slots, axis=1)
     factor = bell(fork(fork(of_day, 1)[:, None, :], np.arange(slots)[:, None]))
-    factor *= noise.load_noise
+    factor *= noise.load_noise * share
     factor += 1.0
     factor *= level[:, None, :]
     return np.maximum(factor, 0.0, out=factor)

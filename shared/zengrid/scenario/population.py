@@ -15,6 +15,7 @@ T = TypeVar("T")
 
 # The sum of four even numbers is within 2 sqrt(3) standard deviations of its mean.
 _BELL_WIDTH = 4.0 * 3.0**0.5
+_UNBOUNDED = ("pv_kw", "battery_kwh", "load_scale")
 
 
 class Draw(Spec):
@@ -36,17 +37,23 @@ class Draw(Spec):
             _check_weights(self.weights, "weights")
         return self
 
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Lowest and highest value that can be drawn."""
+        values = (self.min, self.max) if self.weights is None else tuple(self.weights)
+        given = [value for value in values if value is not None]
+        return min(given), max(given)
+
     def draw(self, keys: Keys) -> list[float]:
         """One value a key."""
         if self.weights is not None:
             return choose(self.weights, keys)
-        assert self.min is not None  # as validated
-        assert self.max is not None
+        low, high = self.bounds
         share = uniform(keys) if self.shape == "flat" else 0.5 + bell(keys) / _BELL_WIDTH
-        values = self.min + (self.max - self.min) * share
+        values = low + (high - low) * share
         if self.step > 0.0:
             values = np.round(values / self.step) * self.step
-        return [round(value, 9) for value in np.minimum(np.maximum(values, self.min), self.max).tolist()]
+        return [round(value, 9) for value in np.minimum(np.maximum(values, low), high).tolist()]
 
 
 class Population(Spec):
@@ -69,8 +76,14 @@ class Population(Spec):
     load_scale: Draw = Field(description="Factor on the load profile.")
 
     @model_validator(mode="after")
-    def _weights(self) -> Self:
+    def _permitted(self) -> Self:
         _check_weights(self.load_profiles, "load_profiles")
+        for name, top in (("tilt_deg", 90.0), ("azimuth_deg", 360.0), *((name, 1e6) for name in _UNBOUNDED)):
+            for value in getattr(self, name).bounds:
+                if not 0.0 <= value <= top:
+                    raise ValueError(f"{name}: {value:g} can be drawn; permitted: 0 to {top:g}")
+        if self.soc_min > self.soc_max:
+            raise ValueError(f"soc_min = {self.soc_min:g}: permitted 0 to soc_max = {self.soc_max:g}")
         return self
 
     def homes(self) -> tuple[HomeSpec, ...]:

@@ -73,6 +73,12 @@ class ConsumerSpec(Spec):
     name: Id
     profiles: tuple[str, ...] = Field(min_length=1, description="Load profiles of the data; they are added up.")
     scale: float = Field(default=1.0, ge=0.0, le=1e6, description="Factor on their sum [-].")
+    noise_share: float = Field(
+        default=1.0,
+        ge=0.0,
+        le=1.0,
+        description="How much of the scenario's load noise it has: less for many together [-].",
+    )
 
 
 class Split(Spec):
