@@ -14,6 +14,9 @@ def parser() -> argparse.ArgumentParser:
     """The command line of the gateway."""
     it = argparse.ArgumentParser(prog="zengrid gateway", description="Show a market over HTTP: prices, history, page.")
     add_bus_options(it)
+    it.add_argument(
+        "--journal", metavar="FILE|URL", help="read history here, also of other runs, instead of asking the clock"
+    )
     it.add_argument("--host", default="127.0.0.1", metavar="ADDRESS", help="where to listen (default: %(default)s)")
     it.add_argument("--port", type=int, default=8080, help="port, 0 for any free one (default: %(default)s)")
     return it
@@ -26,7 +29,9 @@ def main(arguments: list[str] | None = None) -> int:
     from zengrid_gateway.app import create_app
     from zengrid_gateway.server import serve
 
-    settings = Settings(run=options.run, endpoint=options.connect, host=options.host, port=options.port)
+    settings = Settings(
+        run=options.run, endpoint=options.connect, host=options.host, port=options.port, journal=options.journal
+    )
     try:
         serve(create_app(settings), settings)
     except ZengridError as error:

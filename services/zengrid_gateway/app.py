@@ -9,7 +9,8 @@ from contextlib import asynccontextmanager
 from fastapi import FastAPI
 
 from zengrid import __version__
-from zengrid_gateway import health, live, market, page, price, problems
+from zengrid_gateway import health, history, live, market, page, price, problems
+from zengrid_gateway.archive import Archive
 from zengrid_gateway.frames import Frames
 from zengrid_gateway.link import MarketLink
 from zengrid_gateway.settings import Settings
@@ -25,13 +26,15 @@ def create_app(settings: Settings) -> FastAPI:
             app.state.board = price.PriceBoard(link)
             app.state.frames = Frames(link.feed)
             writing = asyncio.create_task(app.state.frames.run())
+            app.state.archive = Archive(link, settings.journal)
             yield
             link.feed.end()
             await writing
+            app.state.archive.close()
 
     app = FastAPI(title="zengrid", version=__version__, lifespan=lifespan, docs_url=None, redoc_url=None)
     problems.install(app)
-    for subject in (price, market, live, health):
+    for subject in (price, market, live, history, health):
         app.include_router(subject.router)
     app.router.routes.extend(page.routes())
     return app

@@ -17,3 +17,5 @@ class Settings:
     """Of the market's clock."""
     host: str = "127.0.0.1"
     port: int = 8080
+    journal: str | None = None
+    """Where past slots can be read: a file or URL. Without it the clock is asked, and knows its own run alone."""
