@@ -41,7 +41,7 @@ class Prosumer(AgentSession[FleetObservation]):
             sell_price=seen.sell_price,
             homes=self._homes,
         )
-        return FleetAction.model_construct(
+        return FleetAction.trusted(
             v=1,
             run=seen.run,
             day=seen.day,

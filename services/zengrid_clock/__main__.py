@@ -20,27 +20,67 @@ def parser() -> argparse.ArgumentParser:
     from zengrid.bus.keys import DEFAULT_RUN
     from zengrid.bus.session import DEFAULT_ENDPOINT
 
-    it = argparse.ArgumentParser(prog="zengrid clock", description="Own the environment of a market: time, settlement, journal.")
-    it.add_argument("scenario", nargs="?", default="paper", help="built-in scenario or YAML file (default: %(default)s)")
+    it = argparse.ArgumentParser(
+        prog="zengrid clock", description="Own the environment of a market: time, settlement, journal."
+    )
+    it.add_argument(
+        "scenario", nargs="?", default="paper", help="built-in scenario or YAML file (default: %(default)s)"
+    )
     it.add_argument("--data", type=Path, help="folder with the scenario's measured data")
     it.add_argument("--seed", type=int, help="seed of the days (default: the scenario's)")
     it.add_argument("--days", type=int, help="end after so many days (default: never)")
-    it.add_argument("--speed", type=parse_speed, default=0.0, metavar="SPEED", help="max, or times real time such as 60x (default: max)")
-    it.add_argument("--deadline", type=float, default=2.0, metavar="S", help="longest wait for a phase's answers (default: %(default)s s)")
-    it.add_argument("--wait", type=float, default=15.0, metavar="S", help="longest wait for the agents before the first slot (default: %(default)s s)")
+    it.add_argument(
+        "--speed",
+        type=parse_speed,
+        default=0.0,
+        metavar="SPEED",
+        help="max, or times real time such as 60x (default: max)",
+    )
+    it.add_argument(
+        "--deadline",
+        type=float,
+        default=2.0,
+        metavar="S",
+        help="longest wait for a phase's answers (default: %(default)s s)",
+    )
+    it.add_argument(
+        "--wait",
+        type=float,
+        default=15.0,
+        metavar="S",
+        help="longest wait for the agents before the first slot (default: %(default)s s)",
+    )
     it.add_argument("--paused", action="store_true", help="stand still before the first slot")
-    it.add_argument("--max-homes", type=int, default=100_000, help="most homes this market takes (default: %(default)s)")
-    it.add_argument("--journal", default="zengrid.db", metavar="FILE|URL", help="where settled slots are kept (default: %(default)s)")
-    it.add_argument("--durability", choices=["normal", "full"], default="normal", help="full: survive power loss, not only crashes")
-    it.add_argument("--resume", action="store_true", help="go on with the run of this name in the journal, if it has not ended")
-    it.add_argument("--run", default=os.environ.get("ZENGRID_RUN", DEFAULT_RUN), metavar="NAME", help="name of the market (default: %(default)s)")
+    it.add_argument(
+        "--max-homes", type=int, default=100_000, help="most homes this market takes (default: %(default)s)"
+    )
+    it.add_argument(
+        "--journal",
+        default="zengrid.db",
+        metavar="FILE|URL",
+        help="where settled slots are kept (default: %(default)s)",
+    )
+    it.add_argument(
+        "--durability", choices=["normal", "full"], default="normal", help="full: survive power loss, not only crashes"
+    )
+    it.add_argument(
+        "--resume", action="store_true", help="go on with the run of this name in the journal, if it has not ended"
+    )
+    it.add_argument(
+        "--run",
+        default=os.environ.get("ZENGRID_RUN", DEFAULT_RUN),
+        metavar="NAME",
+        help="name of the market (default: %(default)s)",
+    )
     it.add_argument(
         "--listen",
         default=os.environ.get("ZENGRID_LISTEN", DEFAULT_ENDPOINT),
         metavar="ENDPOINT",
         help="where agents connect (default: %(default)s)",
     )
-    it.add_argument("--insecure", action="store_true", help="listen beyond this machine although nobody is authenticated")
+    it.add_argument(
+        "--insecure", action="store_true", help="listen beyond this machine although nobody is authenticated"
+    )
     return it
 
 
@@ -83,11 +123,13 @@ def open_clock(options: argparse.Namespace, stack: ExitStack) -> Clock:
     market = LiveMarket(scenario, days)
     roster = Roster(agent.id for agent in scenario.agents)
     journal = stack.enter_context(Journal.open(options.journal, durability=options.durability))
-    if options.resume and (run := journal.unfinished(options.run)) is not None:
-        clock = Clock(scenario, market, roster, hub, run, settings)
+    earlier = [info for info in journal.runs() if info.name.rpartition("-")[0] == options.run]
+    if options.resume and earlier and earlier[-1].finished_at is None:
+        clock = Clock(scenario, market, roster, hub, journal.resume(earlier[-1].id), settings)
         restore(clock)
         return clock
-    run = journal.begin(options.run, scenario.dump(), scenario.seed, __version__)
+    name = f"{options.run}-{len(earlier) + 1}"
+    run = journal.begin(name, scenario.dump(), seed=scenario.seed, dt_h=scenario.dt_h, version=__version__)
     return Clock(scenario, market, roster, hub, run, settings)
 
 
@@ -98,7 +140,7 @@ def main(arguments: list[str] | None = None) -> int:
         with ExitStack() as stack:
             open_clock(options, stack).serve()
     except ZengridError as error:
-        print(f"zengrid clock: {error}", file=sys.stderr)
+        sys.stderr.write(f"zengrid clock: {error}\n")
         return 1
     return 0
 

@@ -20,7 +20,9 @@ BYTES_PER_HOME = 40
 """An action larger than this is refused unread."""
 
 
-def read_price(agent: Agent, payload: bytes, encoding: str, run: str, now: Moment, levels: tuple[float, ...]) -> tuple[Moment, float]:
+def read_price(
+    agent: Agent, payload: bytes, encoding: str, run: str, now: Moment, levels: tuple[float, ...]
+) -> tuple[Moment, float]:
     """The grid agent's price, as one of the permitted levels; raises ``Refused`` or ``WireError``."""
     if len(payload) > BYTES_BASE:
         raise Refused("oversized")
@@ -34,21 +36,32 @@ def read_price(agent: Agent, payload: bytes, encoding: str, run: str, now: Momen
     return moment, action.buy_price
 
 
-def read_commands(agent: Agent, payload: bytes, encoding: str, run: str, now: Moment, homes: Homes, mine: slice) -> tuple[Moment, Floats]:
+class CommandRange:
+    """The commands that the batteries of one agent permit, ready for a quick check."""
+
+    def __init__(self, homes: Homes, mine: slice) -> None:
+        self.count = mine.stop - mine.start
+        self.bytes_max = BYTES_BASE + BYTES_PER_HOME * self.count
+        self._middle_kw = (homes.charge_max_kw[mine] - homes.discharge_max_kw[mine]) / 2
+        self._half_kw = (homes.charge_max_kw[mine] + homes.discharge_max_kw[mine]) / 2 + POWER_TOLERANCE_KW
+
+    def permits(self, battery_kw: Floats) -> bool:
+        """Whether there is one command for each home, within its power limits."""
+        if battery_kw.shape != self._half_kw.shape:
+            return False
+        return bool((np.abs(battery_kw - self._middle_kw) <= self._half_kw).all())
+
+
+def read_commands(
+    agent: Agent, payload: bytes, encoding: str, run: str, now: Moment, permitted: CommandRange
+) -> tuple[Moment, Floats]:
     """A prosumer agent's commands, one a home; raises ``Refused`` or ``WireError``."""
-    count = mine.stop - mine.start
-    if len(payload) > BYTES_BASE + BYTES_PER_HOME * count:
+    if len(payload) > permitted.bytes_max:
         raise Refused("oversized")
     action = decode(FleetAction, payload, encoding)
     moment = _identify(agent, action, run)
-    if moment == now:
-        command = action.battery_kw
-        if command.shape != (count,):
-            raise Refused("out_of_range", moment)
-        too_high = command > homes.charge_max_kw[mine] + POWER_TOLERANCE_KW
-        too_low = command < -homes.discharge_max_kw[mine] - POWER_TOLERANCE_KW
-        if (too_high | too_low).any():
-            raise Refused("out_of_range", moment)
+    if moment == now and not permitted.permits(action.battery_kw):
+        raise Refused("out_of_range", moment)
     return moment, action.battery_kw
 
 

@@ -68,7 +68,9 @@ class Desk:
         if self.clock.pace.state == "ended":
             raise _No("ended", "the market is over")
         if (wish.role == "grid") != (wish.agent == GRID) or (wish.role == "prosumer" and wish.agent in RESERVED):
-            raise _No("invalid", f"agent = {wish.agent}, role = {wish.role}: the grid agent, and only it, is called grid")
+            raise _No(
+                "invalid", f"agent = {wish.agent}, role = {wish.role}: the grid agent, and only it, is called grid"
+            )
         agent = self.clock.roster.get(wish.agent)
         if agent is None:
             agent = self._admit(wish)
@@ -86,7 +88,10 @@ class Desk:
         clock = self.clock
         if not wish.homes:
             names = ", ".join(list(clock.roster.prosumers)[:10]) or "none"
-            raise _No("unknown", f"agent = {wish.agent}: not in the scenario, so it must bring homes; the scenario has {names}")
+            raise _No(
+                "unknown",
+                f"agent = {wish.agent}: not in the scenario, so it must bring homes; the scenario has {names}",
+            )
         taken = set(clock.market.homes) | {s.id for a in clock.roster.joining.values() for s in a.bringing}
         for i, spec in enumerate(wish.homes):
             if spec.id in taken or spec.id in {other.id for other in wish.homes[:i]}:
@@ -197,8 +202,7 @@ class Desk:
         """Settled slots from a position on; runs beside the market, in a thread of its own."""
         wish = decode(HistoryRequest, payload)
         records = self.clock.run.records(since=wish.since, limit=wish.limit)
-        dt_h = self.clock.scenario.dt_h
-        slots = tuple(settled_slot(self.clock.run, record, dt_h, homes=wish.homes) for record in records)
+        slots = tuple(settled_slot(self.clock, record, homes=wish.homes) for record in records)
         following = slots[-1].position + 1 if slots else wish.since
         return encode(HistoryReply(run=self.clock.hub.keys.run, next=following, slots=slots))
 

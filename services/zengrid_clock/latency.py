@@ -28,7 +28,7 @@ class Latencies:
         """Medians and 99th percentiles. [ms]"""
         known = self._times[: min(self.count, WINDOW)]
         if not len(known):
-            return Latency(**dict.fromkeys(Latency.model_fields.keys() - {"v"}, 0.0))
+            known = self._times[:1]
         (p1, p2, p3), (q1, q2, q3) = (np.percentile(known, p, axis=0) * 1e3 for p in (50, 99))
         return Latency(
             price_p50_ms=p1, price_p99_ms=q1, battery_p50_ms=p2, battery_p99_ms=q2, commit_p50_ms=p3, commit_p99_ms=q3

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zengrid.core.baselines import conventional
+from zengrid.core.home import battery_step
 from zengrid.core.settle import settle
 from zengrid.core.state import Action, Exogenous, Settlement
 from zengrid.scenario import homes_params
@@ -33,21 +34,25 @@ class LastSlot(NamedTuple):
 
     def with_homes(self, change: Callable[[Floats], Floats]) -> LastSlot:
         """The same slot with another set of homes."""
-        return self._replace(**{name: change(getattr(self, name)) for name in LastSlot._fields[:4]})
+        return self._replace(
+            payment=change(self.payment),
+            bill=change(self.bill),
+            battery_kw=change(self.battery_kw),
+            injection_kw=change(self.injection_kw),
+        )
 
 
 class LiveMarket:
     """One market, slot after slot, with homes that come and go.
 
     Beside the real market runs its twin without demand response: the same homes on the same days under the
-    conventional rule and price. It depends on nobody's action, so it is computed while the market waits for answers.
+    conventional rule and price. It depends on nobody's action, so a whole day of it is computed at once.
     """
 
     def __init__(self, scenario: Scenario, days: Days) -> None:
         self.scenario = scenario
-        self.day = -1
+        self.day, self.slot = -1, 0
         self._days = days
-        self._conventional_price = np.float64(scenario.conventional_buy_price)
         self.agents: dict[str, slice] = {}
         self.specs: list[HomeSpec] = list(scenario.homes)
         self.homes: tuple[str, ...] = scenario.home_ids
@@ -66,18 +71,42 @@ class LiveMarket:
         """Slots of a day."""
         return self.scenario.slots_per_day
 
-    def begin_day(self, day: int) -> None:
-        """Load what a day brings; reset the batteries where the scenario says so."""
-        self.day = day
-        self._profile = self._days.day(day)
-        known = len(self.scenario.homes)
-        if self.specs != list(self.scenario.homes):
-            # Homes that joined bring their own columns; those of homes that left are dropped.
-            columns = {spec.id: i for i, spec in enumerate(self.scenario.homes)}
-            joined = {s.id: self._days.home_day(s, day) for s in self.specs if columns.get(s.id, known) == known}
-            pv = [joined[s.id][0] if s.id in joined else self._profile.pv_kw[:, columns[s.id]] for s in self.specs]
-            load = [joined[s.id][1] if s.id in joined else self._profile.load_kw[:, columns[s.id]] for s in self.specs]
-            self._profile = self._profile._replace(pv_kw=_columns(pv, self), load_kw=_columns(load, self))
+    def begin_day(self, day: int, slot: int = 0) -> None:
+        """Load what a day brings, to go on from the given slot; reset the batteries where the scenario says so."""
+        self.day, self.slot = day, slot
+        if slot == 0 and self.scenario.soc_reset == "daily":
+            initial = self.market.homes.soc_initial
+            self.soc, self.conventional_soc = initial.copy(), initial.copy()
+        self._load_day()
+
+    def _load_day(self) -> None:
+        """Profiles of the homes that are there now, and what follows from them alone for the rest of the day."""
+        self._profile = profile = self._days.day(self.day)
+        described = {spec.id: i for i, spec in enumerate(self.scenario.homes)}
+        if self.homes != self.scenario.home_ids:
+            columns = [
+                (profile.pv_kw[:, described[spec.id]], profile.load_kw[:, described[spec.id]])
+                if spec.id in described
+                else self._days.home_day(spec, self.day)
+                for spec in self.specs
+            ]
+            pv_kw, load_kw = (_side_by_side([pair[i] for pair in columns], self.slots_per_day) for i in (0, 1))
+            self._profile = profile._replace(pv_kw=pv_kw, load_kw=load_kw)
+        self._profiles = [self._profile.slot(slot) for slot in range(self.slots_per_day)]
+        self._plan_conventional()
+
+    def _plan_conventional(self) -> None:
+        """The rest of the day without demand response: only the stored energy must be followed slot by slot."""
+        self._command = conventional(self._profile.pv_kw, self._profile.load_kw, self.market.homes)
+        path, soc = [], self.conventional_soc
+        for command in self._command[self.slot :]:
+            path.append(soc)
+            _, soc = battery_step(soc, command, self.market)
+        self._twin_start = self.slot
+        if path:
+            rest = Exogenous(*(column[self.slot :] for column in self._profile))
+            price = np.full(len(path), self.scenario.conventional_buy_price)
+            self._twin = settle(np.stack(path), Action(price, self._command[self.slot :]), rest, self.market)
 
     def sell_prices(self, day: int) -> list[float]:
         """The posted tariff of a day, one price a slot. [$/kWh]"""
@@ -88,23 +117,17 @@ class LiveMarket:
         """Raise ScenarioError where this market has no profile for a home."""
         self._days.home_day(spec, max(self.day, 0))
 
-    def reset_batteries(self) -> None:
-        """Start the day with the initial stored energy (``soc_reset: daily``)."""
-        initial = self.market.homes.soc_initial
-        self.soc, self.conventional_soc = initial.copy(), initial.copy()
-
     def profile(self, slot: int) -> Exogenous:
         """PV, loads and tariff of one slot of the current day."""
-        return self._profile.slot(slot)
+        return self._profiles[slot]
 
-    def settle_conventional(self, exogenous: Exogenous) -> Settlement:
-        """The same slot without demand response."""
-        command = conventional(exogenous.pv_kw, exogenous.load_kw, self.market.homes)
-        return settle(self.conventional_soc, Action(self._conventional_price, command), exogenous, self.market)
+    def twin(self, slot: int) -> Settlement:
+        """One slot of the current day without demand response."""
+        return Settlement(*(column[slot - self._twin_start] for column in self._twin))
 
-    def fallback(self, exogenous: Exogenous) -> Floats:
-        """Commands for homes whose agent does not answer: the conventional rule."""
-        return conventional(exogenous.pv_kw, exogenous.load_kw, self.market.homes)
+    def fallback(self, slot: int) -> Floats:
+        """Commands for homes whose agent does not answer, from the conventional rule; a copy to write into."""
+        return self._command[slot].copy()
 
     def settle(self, action: Action, exogenous: Exogenous) -> Settlement:
         """What came of a slot; nothing changes before ``advance``."""
@@ -112,6 +135,7 @@ class LiveMarket:
 
     def advance(self, settled: Settlement, twin: Settlement) -> None:
         """Continue from a settled (and journalled) slot."""
+        self.slot += 1
         self.soc, self.conventional_soc = settled.soc, twin.soc
         self.bill_total += settled.bill
         self.conventional_bill_total += twin.bill
@@ -146,7 +170,7 @@ class LiveMarket:
         if last is not None:
             self.last = last.with_homes(lambda old: np.concatenate([old, zeros]))
         if self.day >= 0:
-            self.begin_day(self.day)
+            self._load_day()
 
     def remove(self, agent: str) -> None:
         """Take an agent's homes out."""
@@ -165,7 +189,7 @@ class LiveMarket:
         if self.last is not None:
             self.last = self.last.with_homes(lambda old: old[keep])
         if self.day >= 0:
-            self.begin_day(self.day)
+            self._load_day()
 
     def _set_homes(self, specs: list[HomeSpec], agents: dict[str, slice]) -> None:
         self.specs, self.agents = specs, agents
@@ -173,7 +197,5 @@ class LiveMarket:
         self.market = self.market.with_homes(homes_params(specs))
 
 
-def _columns(columns: list[Floats], market: LiveMarket) -> Floats:
-    if not columns:
-        return np.zeros((market.slots_per_day, 0))
-    return np.ascontiguousarray(np.stack(columns, axis=-1))
+def _side_by_side(columns: list[Floats], slots: int) -> Floats:
+    return np.ascontiguousarray(np.stack(columns, axis=-1)) if columns else np.zeros((slots, 0))

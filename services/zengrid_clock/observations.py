@@ -30,16 +30,17 @@ class Observer:
         self.market = market
         self.settled: Settled | None = None
 
-    def grid(self, agent: Agent, day: int, slot: int, exogenous: Exogenous, deadline_s: float) -> tuple[bytes, str]:
+    def grid(self, agent: Agent, moment: Moment, exogenous: Exogenous, deadline_s: float) -> tuple[bytes, str]:
         """The grid agent's observation (paper eq. 14)."""
-        return _encode(self._grid(agent, day, slot, float(exogenous.sell_price), deadline_s, end=False), agent)
+        sell_price = float(exogenous.sell_price)
+        return _encode(self._grid(agent, moment.day, moment.slot, sell_price, deadline_s, end=False), agent)
 
     def fleet(
         self, agent: Agent, moment: Moment, exogenous: Exogenous, buy_price: float, deadline_s: float
     ) -> tuple[bytes, str]:
         """A prosumer agent's observation (paper eq. 15)."""
         mine = self.market.agents[agent.id]
-        message = FleetObservation.model_construct(
+        message = FleetObservation.trusted(
             v=1,
             run=self.run,
             day=moment.day,
@@ -62,7 +63,7 @@ class Observer:
             return _encode(self._grid(agent, day, slot, 0.0, 1.0, end=True), agent)
         mine = self.market.agents[agent.id]
         nothing = np.zeros(mine.stop - mine.start)
-        message = FleetObservation.model_construct(
+        message = FleetObservation.trusted(
             v=1,
             run=self.run,
             day=day,
@@ -85,7 +86,7 @@ class Observer:
         last, settled = self.market.last, self.settled
         homes = len(self.market.homes)
         payment = last.payment if last is not None else np.zeros(homes)
-        return GridObservation.model_construct(
+        return GridObservation.trusted(
             v=1,
             run=self.run,
             day=day,
@@ -101,16 +102,14 @@ class Observer:
             demand_kw=last.demand_kw if last is not None else 0.0,
             settled=None
             if last is None or settled is None
-            else GridSettled.model_construct(
-                v=1, **settled._asdict(), reward=last.profit, fallback=not agent.acted_last
-            ),
+            else GridSettled.trusted(v=1, **settled._asdict(), reward=last.profit, fallback=not agent.acted_last),
         )
 
     def _fleet_settled(self, agent: Agent, mine: slice) -> FleetSettled | None:
         last, settled = self.market.last, self.settled
         if last is None or settled is None or not agent.settled:
             return None
-        return FleetSettled.model_construct(
+        return FleetSettled.trusted(
             v=1,
             **settled._asdict(),
             reward=-last.bill[mine],

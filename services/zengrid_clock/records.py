@@ -13,7 +13,6 @@ from zengrid.journal import SlotRecord
 from zengrid.wire.slots import HomeColumns, PublicSlot, SettledSlot
 
 if TYPE_CHECKING:
-    from zengrid.journal import Run
     from zengrid_clock.service import Clock
 
 
@@ -56,7 +55,7 @@ def roster_record(clock: Clock, version: int) -> RosterRecord:
 def public_slot(clock: Clock, record: SlotRecord) -> PublicSlot:
     """What everybody may know of a slot."""
     dt_h = clock.scenario.dt_h
-    return PublicSlot.model_construct(
+    return PublicSlot.trusted(
         v=1,
         run=clock.hub.keys.run,
         day=record.day,
@@ -74,14 +73,15 @@ def public_slot(clock: Clock, record: SlotRecord) -> PublicSlot:
         curtailed_kwh=(record.curtailed_kw + record.home_curtailed_kw) * dt_h,
         unserved_kwh=(record.unserved_kw + record.home_unserved_kw) * dt_h,
         homes=len(record.soc),
-        acted=tuple(agent.id for agent in clock.roster if agent.acted_last),
-        fell_back=tuple(agent.id for agent in clock.roster if not agent.acted_last),
+        acted=tuple(agent.id for agent in clock.roster if agent.settled and agent.acted_last),
+        fell_back=tuple(agent.id for agent in clock.roster if agent.settled and not agent.acted_last),
     )
 
 
-def settled_slot(run: Run, record: SlotRecord, dt_h: float, *, homes: bool) -> SettledSlot:
+def settled_slot(clock: Clock, record: SlotRecord, *, homes: bool) -> SettledSlot:
     """A slot as operators see it, from the journal alone."""
-    roster = run.roster(record.roster_version)
+    dt_h = clock.scenario.dt_h
+    roster = clock.run.roster(record.roster_version)
     fell_back = tuple(name for name, missed in zip(roster.homes, record.fallback, strict=True) if missed)
     missed = set(fell_back)
     agents = {name: bool(mine) and mine[0] in missed for name, mine, _ in roster.agents}
@@ -101,7 +101,7 @@ def settled_slot(run: Run, record: SlotRecord, dt_h: float, *, homes: bool) -> S
             fell_back=fell_back,
         )
     return SettledSlot(
-        run=run.name,
+        run=clock.hub.keys.run,
         day=record.day,
         slot=record.slot,
         position=record.position,

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from zengrid.errors import JournalError
 from zengrid.scenario import HomeSpec
 from zengrid_clock.observations import Settled
@@ -20,8 +22,10 @@ def restore(clock: Clock) -> None:
     in the next slot again without joining anew.
     """
     run, market = clock.run, clock.market
-    if run.scenario_yaml != clock.scenario.dump():
-        raise JournalError(f"run = {run.name}: was begun with another scenario or seed; resume with the same one, or begin anew")
+    if run.scenario() != clock.scenario.dump():
+        raise JournalError(
+            f"run = {run.name}: was begun with another scenario or seed; resume with the same one, or begin anew"
+        )
     last = run.last()
     if last is None:
         return
@@ -47,7 +51,11 @@ def restore(clock: Clock) -> None:
     clock.day, clock.slot = last.day, last.slot + 1
     if clock.slot == clock.scenario.slots_per_day:
         clock.day, clock.slot = last.day + 1, 0
+    market.begin_day(clock.day, clock.slot)
     clock.last_record = last
     clock.observer.settled = Settled(last.day, last.slot, last.buy_price)
-    for record in run.iterate():
-        clock.sums.add(record)
+    for block in run.blocks():
+        clock.sums.add_block(block)
+        if block.roster.homes == market.homes:
+            market.bill_total += np.add.reduce(block["bill"])
+            market.conventional_bill_total += np.add.reduce(block["conventional_bill"])

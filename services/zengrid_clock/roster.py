@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from zengrid.scenario.home import HomeSpec
 from zengrid.wire.requests import JoinRequest
 from zengrid_clock.barrier import Moment
+
+if TYPE_CHECKING:
+    from zengrid_clock.actions import CommandRange
 
 Presence = Literal["present", "absent", "away"]
 FallbackCause = Literal["", "deadline", "gone", "absent", "away"]
@@ -23,8 +26,8 @@ RESERVED = frozenset({GRID, "clock"})
 class Agent:
     """One agent as the clock knows it.
 
-    present: waited for. absent: missed several deadlines in a row, served but not waited for, back as soon as it answers
-    in time. away: no process, or none that is ready.
+    present: waited for. absent: missed several deadlines in a row, served but not waited for, back as soon as it
+    answers in time. away: no process, or none that is ready.
     """
 
     id: str
@@ -44,6 +47,7 @@ class Agent:
     acted_last: bool = False
     offered: tuple[Moment, float] | None = None
     """What was last sent while absent, and when (monotonic clock)."""
+    permitted: CommandRange | None = None
     settled: bool = False
     """Whether it took part in the last settled slot."""
 

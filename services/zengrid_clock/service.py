@@ -5,7 +5,6 @@ from __future__ import annotations
 import signal
 import time
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +13,7 @@ import numpy as np
 from zengrid.bus.hub import Event, Hub
 from zengrid.core.state import Action, Exogenous
 from zengrid.wire.codec import encode
-from zengrid_clock.actions import read_commands, read_price
+from zengrid_clock.actions import CommandRange, read_commands, read_price
 from zengrid_clock.barrier import Barrier, Moment, Refused
 from zengrid_clock.desk import Desk
 from zengrid_clock.latency import Latencies
@@ -74,7 +73,7 @@ class Clock:
         self.buy_price = min(scenario.buy_prices)
         self.in_slot = False
         self.last_record: SlotRecord | None = None
-        self._unpublished: Callable[[], None] | None = None
+        self._unpublished: SlotRecord | None = None
 
     # ---------------------------------------------------------------- lifecycle
 
@@ -136,15 +135,16 @@ class Clock:
     def _run_slot(self) -> None:
         began = time.perf_counter()
         self.in_slot = True
-        self._begin_day()
+        if self.market.day != self.day:
+            self.market.begin_day(self.day)
         exogenous = self.market.profile(self.slot)
         agents = list(self.roster.prosumers.values())
 
         barrier = self._open("price", [self.roster.grid], exogenous)
-        # While the grid agent thinks: tell the world of the last slot, and settle this one without demand response.
+        # While the grid agent thinks: tell the world of the last slot, and get ready what this one needs.
         self._publish_last()
-        twin = self.market.settle_conventional(exogenous)
-        command = self.market.fallback(exogenous)
+        twin = self.market.twin(self.slot)
+        command = self.market.fallback(self.slot)
         self._collect(barrier)
         self._conclude(barrier, self.roster.grid)
         self.buy_price = barrier.answers.get(GRID, self.buy_price)
@@ -158,28 +158,20 @@ class Clock:
                 command[self.market.agents[agent.id]] = barrier.answers[agent.id]
         answered = time.perf_counter()
 
-        settled = self.market.settle(Action(np.float64(self.buy_price), command), exogenous)
+        settled = self.market.settle(Action(np.asarray(self.buy_price), command), exogenous)
+        changed = self.desk.changed_roster()
         record = slot_record(self, settled, twin, exogenous)
-        self.run.commit(record, self.desk.changed_roster())
+        self.run.commit(record, changed)
         # From here on the slot is a fact: it is in the journal.
         self.last_record = record
-        self.sums.add(record)
         self.market.advance(settled, twin)
         self.observer.settled = Settled(self.day, self.slot, self.buy_price)
-        public = public_slot(self, record)
-        self._unpublished = lambda: self.hub.publish_slot(encode(public))
         for agent in self.roster:
             agent.settled = True
+        self._unpublished = record
         self._advance()
         committed = time.perf_counter()
         self.latencies.add(priced - began, answered - priced, committed - answered, committed)
-
-    def _begin_day(self) -> None:
-        if self.market.day == self.day:
-            return
-        self.market.begin_day(self.day)
-        if self.slot == 0 and self.scenario.soc_reset == "daily":
-            self.market.reset_batteries()
 
     def _advance(self) -> None:
         self.position += 1
@@ -191,9 +183,11 @@ class Clock:
         self.desk.apply_changes()
 
     def _publish_last(self) -> None:
-        if self._unpublished is not None:
-            publish, self._unpublished = self._unpublished, None
-            publish()
+        """Tell the world of the last slot and count it, where that is still to be done."""
+        record, self._unpublished = self._unpublished, None
+        if record is not None:
+            self.hub.publish_slot(encode(public_slot(self, record)))
+            self.sums.add(record)
 
     # ---------------------------------------------------------------- one phase
 
@@ -201,28 +195,25 @@ class Clock:
         """Send everyone its observation and start waiting."""
         moment = Moment(self.day, self.slot, phase)
         deadline_s = self.pace.deadline_s
-        barrier: Barrier[Any] = Barrier(
-            moment,
-            [agent.id for agent in agents if agent.presence != "away"],
-            [agent.id for agent in agents if agent.presence == "present"],
-        )
-        now = time.monotonic()
+        present, absent = [], []
         for agent in agents:
-            present = agent.id in barrier.waited
-            if not present:
-                recently = agent.offered is not None and now < agent.offered[1] + OFFER_INTERVAL_S
-                if agent.id not in barrier.expected or recently:
-                    continue
-                agent.offered = moment, now
-            if phase == "price":
-                sight = self.observer.grid(agent, self.day, self.slot, exogenous, deadline_s)
-            else:
-                sight = self.observer.fleet(agent, moment, exogenous, self.buy_price, deadline_s)
-            if present:
-                self.hub.observe(agent.id, *sight)
-            else:
-                self.hub.offer(agent.id, *sight)
-        return barrier
+            presence = agent.presence
+            if presence == "present":
+                present.append(agent)
+                self.hub.observe(agent.id, *self._sight(agent, moment, exogenous, deadline_s))
+            elif presence == "absent":
+                absent.append(agent)
+                now = time.monotonic()
+                if agent.offered is None or now >= agent.offered[1] + OFFER_INTERVAL_S:
+                    agent.offered = moment, now
+                    self.hub.offer(agent.id, *self._sight(agent, moment, exogenous, deadline_s))
+        waited = [agent.id for agent in present]
+        return Barrier(moment, waited + [agent.id for agent in absent], waited)
+
+    def _sight(self, agent: Agent, moment: Moment, exogenous: Exogenous, deadline_s: float) -> tuple[bytes, str]:
+        if moment.phase == "price":
+            return self.observer.grid(agent, moment, exogenous, deadline_s)
+        return self.observer.fleet(agent, moment, exogenous, self.buy_price, deadline_s)
 
     def _collect(self, barrier: Barrier[Any]) -> None:
         """Take events until nobody is waited for, or the deadline has passed."""
@@ -276,14 +267,20 @@ class Clock:
         run = self.hub.keys.run
         if agent.role == "grid":
             return read_price(agent, event.payload, event.encoding, run, moment, self.scenario.buy_prices)
-        homes, mine = self.market.market.homes, self.market.agents[agent.id]
-        return read_commands(agent, event.payload, event.encoding, run, moment, homes, mine)
+        return read_commands(agent, event.payload, event.encoding, run, moment, self._permitted(agent))
+
+    def _permitted(self, agent: Agent) -> CommandRange:
+        if agent.permitted is None:
+            agent.permitted = CommandRange(self.market.market.homes, self.market.agents[agent.id])
+        return agent.permitted
 
     def _welcome_back(self, agent: Agent, refusal: Refused) -> None:
         """An absent agent that answered its last observation within the deadline is waited for again."""
-        if agent.presence == "absent" and agent.offered is not None and agent.offered[0] == refusal.moment:
-            if time.monotonic() - agent.offered[1] <= self.pace.deadline_s:
-                agent.misses = 0
+        if agent.presence != "absent" or agent.offered is None:
+            return
+        moment, since = agent.offered
+        if moment == refusal.moment and time.monotonic() - since <= self.pace.deadline_s:
+            agent.misses = 0
 
     def _take_presence(self, event: Event, barrier: Barrier[Any] | None) -> None:
         agent = self.roster.get(event.agent)

@@ -17,9 +17,6 @@ if TYPE_CHECKING:
 def status(clock: Clock, *, homes: bool) -> Status:
     """Everything an operator wants to see at a glance."""
     scenario, record = clock.scenario, clock.last_record
-    refused = dict(clock.refused)
-    if clock.hub.dropped:
-        refused["flood"] = clock.hub.dropped
     return Status(
         run=clock.hub.keys.run,
         scenario=scenario.name,
@@ -32,9 +29,9 @@ def status(clock: Clock, *, homes: bool) -> Status:
         dt_h=scenario.dt_h,
         days=clock.settings.days,
         slots_per_s=clock.latencies.slots_per_s(time.perf_counter()),
-        last=None if record is None else settled_slot(clock.run, record, scenario.dt_h, homes=False),
+        last=None if record is None else settled_slot(clock, record, homes=False),
         totals=clock.sums.report(),
-        refused=refused,
+        refused=dict(clock.refused),
         latency=clock.latencies.summary(),
         agents=tuple(
             AgentStatus(

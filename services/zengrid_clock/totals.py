@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from zengrid.wire.requests import Totals
 
 if TYPE_CHECKING:
-    from zengrid.journal import SlotRecord
+    from zengrid.journal import Block, SlotRecord
 
 _REPORTED = (
     "profit", "conventional_profit", "bills", "conventional_bills", "reserve_kwh", "conventional_reserve_kwh",
@@ -41,11 +40,20 @@ class Sums:
             (record.unserved_kw + record.home_unserved_kw) * dt_h,
         )
 
-    def add_all(self, records: Iterable[SlotRecord]) -> None:
-        """Count the slots of a journal."""
-        for record in records:
-            self.add(record)
+    def add_block(self, block: Block) -> None:
+        """Count the slots of a piece of a journal."""
+        dt_h = self._dt_h
+        self.slots += len(block)
+        curtailed_kw = block["curtailed_kw"] + block["home_curtailed_kw"]
+        unserved_kw = block["unserved_kw"] + block["home_unserved_kw"]
+        columns = (
+            block["profit"], block["conventional_profit"], block["bill"], block["conventional_bill"],
+            block["facility_kw"][:, 1:] * dt_h, block["conventional_facility_kw"][:, 1:] * dt_h,
+            curtailed_kw * dt_h, unserved_kw * dt_h,
+        )  # fmt: skip
+        self._values += [float(np.sum(column)) for column in columns]
 
     def report(self) -> Totals:
         """For the status."""
-        return Totals(slots=self.slots, **dict(zip(_REPORTED, self._values.tolist(), strict=True)))
+        values: dict[str, Any] = dict(zip(_REPORTED, self._values.tolist(), strict=True))
+        return Totals(slots=self.slots, **values)

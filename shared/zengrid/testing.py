@@ -105,7 +105,9 @@ class Market:
         self._following = self.client.follow(self._on_slot)
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self.client.session.close()
         if isinstance(error, (AssertionError, ZengridError)):
             error.add_note(self.said())
@@ -177,7 +179,7 @@ class Market:
     def wait_for_status(
         self, wanted: Callable[[Status], bool], timeout_s: float = 20.0, missing: str = "the state"
     ) -> Status:
-        """Wait for a state of the market: looked at again after each settled slot, or every 50 ms where there is none."""
+        """Wait for a state of the market: looked at again after each settled slot, or every 50 ms without one."""
         until = time.monotonic() + timeout_s
         while True:
             status = self.client.control("status")

@@ -41,7 +41,7 @@ class AgentLink:
                 self.keys.observation(agent), handlers.FifoChannel(BACKLOG)
             )
             self._action = self._session.declare_publisher(
-                self.keys.action(agent), congestion_control=zenoh.CongestionControl.BLOCK
+                self.keys.action(agent), congestion_control=zenoh.CongestionControl.BLOCK, express=True
             )
         except BaseException:
             self._session.close()
@@ -50,7 +50,9 @@ class AgentLink:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self._session.close()
 
     def close(self) -> None:
@@ -105,7 +107,7 @@ class AgentLink:
                     query.reply(query.key_expr, encode(answer(wish)), encoding=JSON)
                 except ZengridError as error:
                     query.reply_err(encode(Refusal(reason="invalid", message=str(error))), encoding=JSON)
-                except Exception as error:  # the asker must get an answer, whatever went wrong
+                except Exception as error:  # noqa: BLE001 - the asker must get an answer, whatever went wrong
                     message = f"{type(error).__name__}: {error}"
                     query.reply_err(encode(Refusal(reason="unavailable", message=message)), encoding=JSON)
 

@@ -59,7 +59,9 @@ class Client:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self.session.close()
 
     def control(
@@ -90,7 +92,7 @@ class Client:
                 return decode(PublicSlot, reply.ok.payload.to_bytes())
         return None
 
-    def follow(self, on_slot: Callable[[bytes], None]) -> zenoh.ext.AdvancedSubscriber:
+    def follow(self, on_slot: Callable[[bytes], None]) -> zenoh.ext.AdvancedSubscriber[None]:
         """Call back, in a thread of its own, with each settled slot as JSON, the latest at once."""
         return zenoh.ext.declare_advanced_subscriber(
             self.session,
@@ -99,7 +101,7 @@ class Client:
             history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
         )
 
-    def watch(self, on_change: Callable[[str, bool], None]) -> zenoh.Subscriber:
+    def watch(self, on_change: Callable[[str, bool], None]) -> zenoh.Subscriber[None]:
         """Call back, in a thread of its own, when the clock (``clock``) or an agent comes or goes."""
 
         def changed(sample: zenoh.Sample) -> None:

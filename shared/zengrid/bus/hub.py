@@ -1,23 +1,27 @@
-"""The clock's side of the bus: everything that arrives goes into one bounded queue; everything that leaves, from here."""
+"""The clock's side of the bus: all that arrives goes into one bounded queue, all that leaves goes out from here."""
 
 from __future__ import annotations
 
+import time
+from collections import deque
 from collections.abc import Callable
-from queue import Empty, SimpleQueue
 from types import TracebackType
 from typing import Any, Literal, NamedTuple, Self
 
 import zenoh
 from zenoh import handlers
 
+from zengrid.bus.alarm import Alarm
 from zengrid.bus.keys import Keys, agent_of
 from zengrid.bus.session import DEFAULT_ENDPOINT, open_clock
 from zengrid.errors import ZengridError
 from zengrid.wire.codec import JSON, encode
 from zengrid.wire.requests import Refusal, RefusalReason
 
-INBOX_LIMIT = 20_000
-"""Most messages waiting for the clock; beyond it they are dropped and counted."""
+INBOX_LIMIT = 4096
+"""Most actions waiting for the clock; beyond it Zenoh holds back whoever sends more."""
+_WAKE = "clock"
+"""The clock puts a message to itself under this agent's name to wake up; no agent may have it."""
 
 EventKind = Literal["action", "alive", "gone", "join", "leave", "control"]
 
@@ -55,8 +59,7 @@ class Hub:
 
     def __init__(self, run: str, endpoint: str = DEFAULT_ENDPOINT, *, insecure: bool = False) -> None:
         self.keys = Keys(run)
-        self.dropped = 0
-        self._inbox: SimpleQueue[tuple[EventKind, Any]] = SimpleQueue()
+        self._others: deque[tuple[EventKind, Any]] = deque()
         self._observation: dict[str, zenoh.Publisher] = {}
         self._latest = b""
         self._session = open_clock(endpoint, insecure=insecure)
@@ -69,7 +72,10 @@ class Hub:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._alarm.stop()
         self._session.close()
 
     def _declare(self) -> None:
@@ -83,8 +89,12 @@ class Hub:
             cache=zenoh.ext.CacheConfig(1),
             publisher_detection=True,
         )
-        self._declared = [
-            session.declare_subscriber(keys.actions, self._direct("action")),
+        # Actions come through a channel: no other way to receive costs as little. Everything else is rare, comes by
+        # callback and wakes the channel's reader.
+        self._actions = session.declare_subscriber(keys.actions, handlers.FifoChannel(INBOX_LIMIT))
+        self._wake_key = keys.action(_WAKE)
+        self._alarm = Alarm(self._wake)
+        self._declared: list[Any] = [
             session.liveliness().declare_subscriber(keys.alive_all, self._direct("alive"), history=True),
             session.declare_queryable(keys.join, self._direct("join"), complete=True),
             session.declare_queryable(keys.leave, self._direct("leave"), complete=True),
@@ -96,26 +106,35 @@ class Hub:
         """Show that the clock is ready: agents join (again) when they see this token."""
         self._declared.append(self._session.liveliness().declare_token(self.keys.clock_alive))
 
-    def _direct(self, kind: EventKind) -> handlers.Callback:
-        inbox = self._inbox
-
-        def put(sample: Any) -> None:
+    def _direct(self, kind: EventKind) -> handlers.Callback[Any]:
+        def arrived(item: Any) -> None:
             # Runs on Zenoh's receiving thread: hand over, decide nothing.
-            if inbox.qsize() < INBOX_LIMIT:
-                inbox.put((kind, sample))
-            else:
-                self.dropped += 1
+            self._others.append((kind, item))
+            self._wake()
 
-        return handlers.Callback(put, indirect=False)
+        return handlers.Callback(arrived, indirect=False)
+
+    def _wake(self) -> None:
+        self._session.put(self._wake_key, b"", allowed_destination=zenoh.Locality.SESSION_LOCAL)
 
     def receive(self, timeout_s: float) -> Event | None:
-        """The next event, or None after the time is up (0: only what is there already)."""
-        try:
-            kind, item = self._inbox.get(timeout_s > 0, timeout_s) if timeout_s > 0 else self._inbox.get_nowait()
-        except Empty:
-            return None
-        if kind == "action":
-            return Event(kind, agent_of(str(item.key_expr)), item.payload.to_bytes(), str(item.encoding), None)
+        """The next event; None when the time is up (0: when there is none yet), or now and then before."""
+        if self._others:
+            return self._other()
+        if timeout_s > 0:
+            self._alarm.ring_at(time.monotonic() + timeout_s)
+            sample = self._actions.recv()
+        else:
+            sample = self._actions.try_recv()
+            if sample is None:
+                return None
+        agent = agent_of(str(sample.key_expr))
+        if agent == _WAKE:
+            return self._other() if self._others else None
+        return Event("action", agent, sample.payload.to_bytes(), str(sample.encoding), None)
+
+    def _other(self) -> Event:
+        kind, item = self._others.popleft()
         if kind == "alive":
             came = item.kind == zenoh.SampleKind.PUT
             return Event("alive" if came else "gone", agent_of(str(item.key_expr)), b"", "", None)
@@ -129,7 +148,7 @@ class Hub:
             publisher = self._session.declare_publisher(
                 self.keys.observation(agent),
                 congestion_control=zenoh.CongestionControl.BLOCK,
-                reliability=zenoh.Reliability.RELIABLE,
+                express=True,
             )
             self._observation[agent] = publisher
         publisher.put(payload, encoding=encoding)
@@ -165,7 +184,7 @@ class Hub:
                 query.reply(answer(query.payload))
             except ZengridError as error:
                 query.refuse("invalid", str(error))
-            except Exception as error:  # the asker must get an answer, whatever went wrong
+            except Exception as error:  # noqa: BLE001 - the asker must get an answer, whatever went wrong
                 query.refuse("unavailable", f"{type(error).__name__}: {error}")
 
         self._declared.append(self._session.declare_queryable(self.keys.history, on_query, complete=True))

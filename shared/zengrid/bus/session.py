@@ -102,4 +102,4 @@ def _open(settings: dict[str, Any], endpoint: str, hint: str = "") -> zenoh.Sess
     try:
         return zenoh.open(config)
     except zenoh.ZError as error:
-                raise BusError(f"endpoint = {endpoint}{hint or f': {error}'.splitlines()[0].split(' at ')[0]}") from None
+        raise BusError(f"endpoint = {endpoint}{hint or f': {error}'.splitlines()[0].split(' at ')[0]}") from None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,13 +13,15 @@ MAX_HOMES = 100_000
 """Most homes one message may carry."""
 
 AgentId = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,62}$", description="Name of an agent or home.")]
-RunName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,62}$", description="Name of the run, part of every key.")]
+RunName = Annotated[
+    str, Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,62}$", description="Name of the run, part of every key.")
+]
 Instance = Annotated[
     str,
     Field(
         min_length=8,
         max_length=64,
-        description="Random text that one process chooses for itself, so that a second process under its name is told apart.",
+        description="Random text that a process chooses, so that a second one under its name is told apart.",
     ),
 ]
 Price = Annotated[float, Field(ge=0, le=1000, description="[$/kWh]")]
@@ -30,7 +32,9 @@ class _ColumnSchema:
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-        numbers = core_schema.list_schema(core_schema.float_schema(allow_inf_nan=False, strict=True), max_length=MAX_HOMES)
+        numbers = core_schema.list_schema(
+            core_schema.float_schema(allow_inf_nan=False, strict=True), max_length=MAX_HOMES
+        )
         from_json = core_schema.no_info_after_validator_function(_to_array, numbers)
         return core_schema.json_or_python_schema(
             json_schema=from_json,
@@ -43,7 +47,9 @@ def _to_array(values: list[float]) -> NDArray[np.float64]:
     return np.array(values, dtype=np.float64)
 
 
-Column = Annotated[NDArray[np.float64], _ColumnSchema, Field(description="One number per home, in the order of the join reply.")]
+Column = Annotated[
+    NDArray[np.float64], _ColumnSchema, Field(description="One number per home, in the order of the join reply.")
+]
 """One number per home, in the order of the join reply: an array in Python, a list in JSON."""
 
 
@@ -53,6 +59,20 @@ class Message(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
 
     v: Literal[1] = Field(default=1, description="Schema version.")
+
+    @classmethod
+    def trusted(cls, **values: Any) -> Self:
+        """A message of values that need no check because zengrid computed them: every field, in the schema's order.
+
+        A third of the time of ``model_construct``, which matters for what is sent to every agent in every slot.
+        """
+        message = cls.__new__(cls)
+        put = object.__setattr__
+        put(message, "__dict__", values)
+        put(message, "__pydantic_fields_set__", set())
+        put(message, "__pydantic_extra__", None)
+        put(message, "__pydantic_private__", None)
+        return message
 
 
 class SlotMessage(Message):

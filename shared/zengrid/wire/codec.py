@@ -36,7 +36,8 @@ def decode(kind: type[M], payload: bytes, encoding: str = JSON) -> M:
     try:
         if encoding == BINARY:
             return _decode_binary(kind, payload)
-        return kind.__pydantic_validator__.validate_json(payload)
+        message: M = kind.__pydantic_validator__.validate_json(payload)
+        return message
     except ValidationError as error:
         raise WireError(f"{kind.__name__}: {explain(error)}") from None
 
@@ -96,4 +97,5 @@ def _decode_binary(kind: type[M], payload: bytes) -> M:
         if not isinstance(target, dict):
             raise WireError(f"{kind.__name__}: {name}: no such column")
         target[last] = column
-    return kind.__pydantic_validator__.validate_python(fields)
+    message: M = kind.__pydantic_validator__.validate_python(fields)
+    return message

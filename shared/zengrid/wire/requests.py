@@ -11,7 +11,9 @@ from zengrid.wire.base import AgentId, Column, Instance, Message, Price, RunName
 from zengrid.wire.slots import SettledSlot
 
 RefusalReason = Literal["invalid", "taken", "full", "unknown", "not_yours", "ended", "unavailable"]
-Speed = Annotated[float, Field(ge=0, le=1e9, description="Times faster than real time; 0 means as fast as answers come.")]
+Speed = Annotated[
+    float, Field(ge=0, le=1e9, description="Times faster than real time; 0 means as fast as answers come.")
+]
 
 
 class Refusal(Message):
@@ -192,7 +194,7 @@ class PolicyRequest(Message):
     observations: tuple[tuple[float, ...], ...] = Field(
         min_length=1, max_length=10_000, description="Rows in the order of the policy's features."
     )
-    home: AgentId | None = Field(default=None, description="Whose limits and network to use; null: the agent's first home.")
+    home: AgentId | None = Field(default=None, description="Whose network to use; null: its first home.")
 
 
 class PolicyReply(Message):

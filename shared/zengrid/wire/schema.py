@@ -26,7 +26,12 @@ class Channel(NamedTuple):
 
 
 CHANNELS = (
-    Channel("slot", "clock/slot", "The clock publishes each settled slot; a plain get answers with the latest.", (slots.PublicSlot,)),
+    Channel(
+        "slot",
+        "clock/slot",
+        "The clock publishes each settled slot; a plain get answers with the latest.",
+        (slots.PublicSlot,),
+    ),
     Channel(
         "observation",
         "agent/{id}/observation",
@@ -34,15 +39,36 @@ CHANNELS = (
         (slots.GridObservation, slots.FleetObservation),
     ),
     Channel("action", "agent/{id}/action", "An agent answers its observation.", (slots.GridAction, slots.FleetAction)),
-    Channel("policy", "agent/{id}/policy", "Anyone asks an agent what it would do.", (requests.PolicyRequest,), (requests.PolicyReply,)),
-    Channel("join", "clock/join", "A process asks to play an agent, with or without new homes.", (requests.JoinRequest,), (requests.JoinReply,)),
+    Channel(
+        "policy",
+        "agent/{id}/policy",
+        "Anyone asks an agent what it would do.",
+        (requests.PolicyRequest,),
+        (requests.PolicyReply,),
+    ),
+    Channel(
+        "join",
+        "clock/join",
+        "A process asks to play an agent, with or without new homes.",
+        (requests.JoinRequest,),
+        (requests.JoinReply,),
+    ),
     Channel("leave", "clock/leave", "A process takes its homes out.", (requests.LeaveRequest,), (requests.LeaveReply,)),
     Channel("control", "clock/control", "Operators steer the market.", (requests.ControlRequest,), (requests.Status,)),
-    Channel("history", "clock/history", "Operators read settled slots.", (requests.HistoryRequest,), (requests.HistoryReply,)),
+    Channel(
+        "history",
+        "clock/history",
+        "Operators read settled slots.",
+        (requests.HistoryRequest,),
+        (requests.HistoryReply,),
+    ),
 )
 """Every channel with its messages. Queries may be refused with a `Refusal` as Zenoh error reply."""
 
-MESSAGES = (*dict.fromkeys(kind for channel in CHANNELS for kind in channel.messages + channel.replies), requests.Refusal)
+MESSAGES: tuple[type[Message], ...] = (
+    *(kind for channel in CHANNELS for kind in (*channel.messages, *channel.replies)),
+    requests.Refusal,
+)
 
 
 def json_schema(kind: type[Message]) -> dict[str, Any]:
@@ -64,7 +90,10 @@ def asyncapi() -> dict[str, Any]:
                 for name in ("run", "id")
                 if name == "run" or "{id}" in channel.address
             },
-            "messages": {name: {"$ref": f"#/components/messages/{name}"} for name in names + [r.__name__ for r in channel.replies]},
+            "messages": {
+                name: {"$ref": f"#/components/messages/{name}"}
+                for name in names + [r.__name__ for r in channel.replies]
+            },
         }
         operation: dict[str, Any] = {
             "action": "send" if channel.name in ("slot", "observation") else "receive",

@@ -26,7 +26,8 @@ class GridObservation(SlotMessage):
     """What the grid agent may see (paper eq. 14): the outcome of the last settled slot, and what is public."""
 
     phase: Literal["price", "end"] = Field(
-        default=PHASE_PRICE, description="`end`: the market is over, `settled` is the last reward, no answer is expected."
+        default=PHASE_PRICE,
+        description="`end`: the market is over, `settled` is the last reward, no answer is expected.",
     )
     hour: float = Field(ge=0, lt=24, description="Local time at the start of the slot [h].")
     deadline_s: float = Field(gt=0, description="Time to answer [s].")
@@ -34,7 +35,7 @@ class GridObservation(SlotMessage):
     homes: int = Field(ge=0, description="Number of prosumer homes in the market.")
     facility_cost: Column = Field(description="F: cost of each facility in the last slot [$]; zeros at first.")
     payment: Column | None = Field(
-        description="Omega: paid to each home in the last slot [$]; only for agents that joined with observation `paper`."
+        description="Omega: paid to each home in the last slot [$]; only where it joined with observation `paper`."
     )
     payment_sum: float = Field(description="Sum of Omega [$].")
     demand_kw: float = Field(ge=0, description="P_dm of the last slot [kW].")
@@ -65,7 +66,8 @@ class FleetObservation(SlotMessage):
     """What a prosumer agent may see (paper eq. 15), one entry per home. A single home is a fleet of one."""
 
     phase: Literal["battery", "end"] = Field(
-        default=PHASE_BATTERY, description="`end`: the market is over, `settled` is the last reward, no answer is expected."
+        default=PHASE_BATTERY,
+        description="`end`: the market is over, `settled` is the last reward, no answer is expected.",
     )
     hour: float = Field(ge=0, lt=24, description="Local time at the start of the slot [h].")
     deadline_s: float = Field(gt=0, description="Time to answer [s].")

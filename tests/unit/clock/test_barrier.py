@@ -83,7 +83,9 @@ def test_gives_up_those_who_are_gone_but_keeps_their_answer() -> None:
     assert barrier.answers == {"a": 1.0}
 
 
-@given(st.lists(st.tuples(st.sampled_from("abcdx"), st.sampled_from(["ok", "late", "future", "bad", "gone"])), max_size=40))
+@given(
+    st.lists(st.tuples(st.sampled_from("abcdx"), st.sampled_from(["ok", "late", "future", "bad", "gone"])), max_size=40)
+)
 def test_any_order_of_events_leaves_only_valid_first_answers(events: list[tuple[str, str]]) -> None:
     barrier: Barrier[int] = Barrier(NOW, "abcd", "abc")
     first: dict[str, int] = {}

@@ -84,7 +84,9 @@ def test_damaged_binary_is_refused_or_the_same(data: st.DataObject) -> None:
 
 
 def test_binary_columns_must_be_finite() -> None:
-    bad = FleetAction.model_construct(v=1, run="main", day=0, slot=0, phase="battery", instance="01234567", battery_kw=np.array([np.nan]))
+    bad = FleetAction.model_construct(
+        v=1, run="main", day=0, slot=0, phase="battery", instance="01234567", battery_kw=np.array([np.nan])
+    )
     with pytest.raises(WireError, match="battery_kw holds a number that is not finite"):
         decode(FleetAction, encode(bad, BINARY), BINARY)
 
