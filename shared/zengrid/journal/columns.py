@@ -34,7 +34,8 @@ def stack(column: str, cells: Sequence[bytes]) -> NDArray[Any]:
     if any(len(cell) != width for cell in cells):
         raise JournalError(f"the journal is damaged: {column} changes its length under one roster")
     try:
-        dtype = np.dtype(np.bool_) if column == "fallback" else FLOAT
-        return np.frombuffer(b"".join(cells), dtype).reshape(len(cells), width // dtype.itemsize)
+        if column == "fallback":
+            return np.frombuffer(b"".join(cells), np.uint8).reshape(len(cells), width).astype(np.bool_)
+        return np.frombuffer(b"".join(cells), FLOAT).reshape(len(cells), width // FLOAT.itemsize)
     except (ValueError, TypeError) as error:
         raise JournalError(f"the journal is damaged: {column} cannot be read ({error})") from error

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+from contextlib import suppress
 from pathlib import Path
 from typing import Self
 
@@ -26,8 +27,10 @@ class FileLock:
                 fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 # The last owner may have removed the file between the two calls above: then another one counts.
                 if path.exists() and path.stat().st_ino == os.fstat(descriptor).st_ino:
-                    os.ftruncate(descriptor, 0)
-                    os.write(descriptor, str(os.getpid()).encode())
+                    # Only for the message below: on a full disk the lock holds without it.
+                    with suppress(OSError):
+                        os.ftruncate(descriptor, 0)
+                        os.write(descriptor, str(os.getpid()).encode())
                     return cls(path, descriptor)
             except BlockingIOError:
                 owner = os.read(descriptor, 20).decode() or "unknown"

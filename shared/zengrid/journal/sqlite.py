@@ -31,6 +31,7 @@ class SqliteDatabase:
     def __init__(self, path: Path, durability: Durability, *, read_only: bool) -> None:
         self.name = str(path)
         self._path = path.absolute()
+        self._inode: int | None = None
         self._mode = "ro" if read_only else "rwc"
         self._synchronous = "FULL" if durability == "full" else "NORMAL"
         if read_only and not self._path.exists():
@@ -50,6 +51,14 @@ class SqliteDatabase:
         self._mode = self._mode.removesuffix("c")
         return connection
 
+    def check_present(self) -> None:
+        """SQLite goes on writing to a file that was deleted or replaced, where nobody would ever find it."""
+        found = os.stat(self._path).st_ino  # noqa: PTH116 - for every slot, and a third of the time of Path.stat
+        if self._inode is None:
+            self._inode = found
+        elif found != self._inode:
+            raise FileNotFoundError(f"{self._path} was replaced by another file")
+
     def tables(self, connection: Connection) -> set[str]:
         """All tables of the file: it belongs to the journal alone."""
         return {
@@ -65,7 +74,7 @@ class SqliteDatabase:
         """Become the one writer of a run."""
         lock = FileLock.take(Path(f"{self._path}-run{run_id}.lock"), f"journal {self.name}: run {run_name!r}")
         try:
-            return SqliteWriter(self, self._path, lock)
+            return SqliteWriter(self, lock)
         except BaseException:
             lock.release()
             raise
@@ -74,19 +83,17 @@ class SqliteDatabase:
 class SqliteWriter:
     """The one writer of a run."""
 
-    def __init__(self, database: SqliteDatabase, path: Path, lock: FileLock) -> None:
-        self._path = path
+    def __init__(self, database: SqliteDatabase, lock: FileLock) -> None:
+        database.check_present()
+        self._database = database
         self._lock = lock
         self._connection = database.connect()
         self._connection.execute(f"PRAGMA wal_autocheckpoint={LOG_PAGES_MAX}")
-        self._inode = path.stat().st_ino
         self._checkpointer = _Checkpointer(database)
 
     def commit(self, steps: Sequence[Step]) -> None:
         """Carry out all steps in one transaction."""
-        # SQLite goes on writing to a file that was deleted or replaced, and nobody would ever read it.
-        if os.stat(self._path).st_ino != self._inode:  # noqa: PTH116 - a third of the time of Path.stat, for every slot
-            raise FileNotFoundError(f"{self._path} was replaced by another file")
+        self._database.check_present()
         if len(steps) == 1:
             # A statement alone is a transaction.
             self._connection.execute(*steps[0])

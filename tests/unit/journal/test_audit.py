@@ -1,0 +1,99 @@
+"""The audit finds every way in which a journal can be wrong."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+
+from support.journals import begin, changed, fill, record, roster
+from support.markets import Slot, slots
+from zengrid.core.settle import settle
+from zengrid.journal import Journal, SlotRecord
+from zengrid.journal.audit import FINDINGS_MAX, _balances, audit
+from zengrid.journal.block import Block
+from zengrid.journal.columns import COLUMNS
+
+
+def test_a_sound_run_has_no_findings(journal: Journal) -> None:
+    run = begin(journal)
+    fill(run, homes=30, count=200)
+    assert audit(run) == []
+
+
+def test_an_empty_run_has_no_findings(journal: Journal) -> None:
+    assert audit(begin(journal)) == []
+
+
+@given(slots())
+def test_whatever_the_core_settles_balances(slot: Slot) -> None:
+    settled = settle(slot.soc, slot.action, slot.exogenous, slot.market)
+    fallback = np.zeros(len(slot.soc), bool)
+    made = SlotRecord.of(
+        0, 0, 0, 0.0, float(slot.action.buy_price), slot.exogenous, settled, settled, fallback, False, 1
+    )
+    block = Block(roster(len(slot.soc)), {name: np.asarray(getattr(made, name))[None] for name in COLUMNS})
+    for name, residual, scale in _balances(block, slot.market.dt_h):
+        assert abs(residual[0]) <= 1e-9 * max(scale[0], 1.0), name
+
+
+FOUND_IN = {
+    "demand_kw": "demand = consumers + imports",
+    "export_kw": "exports",
+    "consumer_kw": "bills + consumers = revenue - payments",
+    "revenue": "revenue",
+    "payments": "payments",
+    "profit": "profit",
+    "lost_load_cost": "profit",
+    "curtailed_kw": "facilities + unserved = demand - exports + curtailed",
+    "unserved_kw": "facilities + unserved = demand - exports + curtailed",
+    "home_curtailed_kw": "curtailed at meters",
+    "home_unserved_kw": "unserved at meters",
+    "buy_price": "bills",
+    "sell_price": "revenue",
+    "facility_kw": "facilities + unserved = demand - exports + curtailed",
+    "facility_cost": "profit",
+    "injection_kw": "bills",
+    "battery_kw": "unserved at meters",
+    "pv_kw": "unserved at meters",
+    "load_kw": "unserved at meters",
+    "bill": "bills",
+}
+
+
+@pytest.mark.parametrize("name", FOUND_IN)
+def test_a_wrong_value_is_found(file: object, name: str) -> None:
+    with Journal.open(str(file)) as journal:
+        run = begin(journal)
+        fill(run, homes=4, count=3)
+        made = record(4, 3)
+        run.commit(changed(made, **{name: getattr(made, name) + 1e-6}))
+        findings = audit(run)
+        assert findings
+        assert all(finding.startswith("position 3 (day 0, slot 3): ") for finding in findings)
+        assert f": {FOUND_IN[name]}: " in "\n".join(findings)
+
+
+def test_what_is_no_number_is_found(journal: Journal) -> None:
+    run = begin(journal)
+    fill(run, homes=2, count=1)
+    run.commit(changed(record(2, 1), conventional_soc=np.array([0.5, np.nan]), soc=np.array([0.5, 1.5])))
+    findings = audit(run)
+    assert "position 1 (day 0, slot 1): conventional_soc is not finite" in findings
+    assert "position 1 (day 0, slot 1): soc of home h1 is 1.5" in findings
+
+
+def test_a_day_too_short_is_found(journal: Journal) -> None:
+    run = begin(journal)
+    fill(run, homes=2, count=2)
+    run.commit(changed(record(2, 2), day=1, slot=0))
+    assert audit(run) == ["position 1 (day 0, slot 1) is followed by position 2 (day 1, slot 0)"]
+
+
+def test_findings_end_somewhere(journal: Journal) -> None:
+    run = begin(journal)
+    for position in range(FINDINGS_MAX + 5):
+        run.commit(changed(record(1, position), profit=1e6), roster(1) if position == 0 else None)
+    findings = audit(run)
+    assert len(findings) == FINDINGS_MAX + 1
+    assert findings[-1] == "and more"
