@@ -16,7 +16,9 @@ Id = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,62}$", description="Lo
 class Spec(BaseModel):
     """Part of a scenario: frozen, unknown fields refused, numbers finite."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True)
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True, defer_build=True
+    )
 
 
 class BatterySpec(Spec):
@@ -74,11 +76,11 @@ class HomeSpec(Spec):
     azimuth_deg: float | None = Field(
         default=None, ge=0.0, le=360.0, description="Where they face, 180 is south; null: see the scenario's PV [deg]."
     )
-    battery: BatterySpec = BatterySpec()
+    battery: BatterySpec = Field(default_factory=BatterySpec)
     injection_max_kw: float = Field(
         default=10.0, ge=0.0, le=1e6, description="Limit of the meter in both directions [kW]."
     )
-    load: LoadSpec = LoadSpec()
+    load: LoadSpec = Field(default_factory=LoadSpec)
     seed: int = Field(default=0, ge=0, lt=2**63, description="Changes the home's own noise and nothing else.")
 
 

@@ -56,7 +56,8 @@ Column = Annotated[
 class Message(BaseModel):
     """A message: frozen, unknown fields refused, numbers finite, with a schema version."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
+    # Most processes use few of the messages: each is built when it is first needed.
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True, defer_build=True)
 
     v: Literal[1] = Field(default=1, description="Schema version.")
 
