@@ -1,4 +1,4 @@
-"""The application: routes, errors, and the link that lives as long as it does."""
+"""The application: routes by subject, errors, access, and the link that lives as long as it does."""
 
 from __future__ import annotations
 
@@ -7,34 +7,59 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
 from fastapi import FastAPI
+from fastapi.middleware.cors import CORSMiddleware
 
 from zengrid import __version__
-from zengrid_gateway import health, history, live, market, page, price, problems
+from zengrid_gateway import control, health, history, live, market, metrics, page, price, problems, prosumers, runs
+from zengrid_gateway.access import READ, Access
 from zengrid_gateway.archive import Archive
 from zengrid_gateway.frames import Frames
+from zengrid_gateway.guard import Guard
+from zengrid_gateway.limits import RateLimit
 from zengrid_gateway.link import MarketLink
 from zengrid_gateway.settings import Settings
 
 
-def create_app(settings: Settings) -> FastAPI:
+def create_app(settings: Settings, access: Access) -> FastAPI:
     """An application that shows one market."""
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        async with MarketLink(settings.run, settings.endpoint) as link:
-            app.state.link = link
-            app.state.board = price.PriceBoard(link)
-            app.state.frames = Frames(link.feed)
-            writing = asyncio.create_task(app.state.frames.run())
-            app.state.archive = Archive(link, settings.journal)
+        state = app.state
+        async with MarketLink(settings.run, settings.endpoint) as state.link:
+            state.frames = Frames(state.link.feed)
+            state.board = price.PriceBoard(state.link)
+            state.archive = Archive(state.link, settings.journal)
+            state.book = runs.Book()
+            state.metrics = metrics.Metrics(state.link, state.frames)
+            writing = asyncio.create_task(state.frames.run())
             yield
-            link.feed.end()
+            state.link.feed.end()
             await writing
-            app.state.archive.close()
+            state.archive.close()
 
-    app = FastAPI(title="zengrid", version=__version__, lifespan=lifespan, docs_url=None, redoc_url=None)
+    app = FastAPI(
+        title="zengrid",
+        version=__version__,
+        lifespan=lifespan,
+        docs_url=None,
+        redoc_url=None,
+        max_body_size=problems.MAX_BODY_BYTES,
+    )
+    app.state.access = access
+    app.state.origins = settings.origins
     problems.install(app)
-    for subject in (price, market, live, history, health):
-        app.include_router(subject.router)
+    app.include_router(health.router)
+    for subject in (price, market, live, prosumers, history, runs, control, metrics):
+        app.include_router(subject.router, dependencies=[READ])
+    app.include_router(live.socket_router)
     app.router.routes.extend(page.routes())
+    if settings.origins:
+        app.add_middleware(CORSMiddleware, allow_origins=settings.origins, allow_methods=["*"], allow_headers=["*"])
+    app.add_middleware(
+        Guard,
+        local=settings.local,
+        rate=RateLimit(settings.rate_per_s),
+        answered=lambda *answer: app.state.metrics.answered(*answer),
+    )
     return app

@@ -32,6 +32,8 @@ class Feed:
         self._next: asyncio.Future[None] = self._loop.create_future()
         self.latest: dict[str, Any] | None = None
         """The last slot's fields, or None before the first."""
+        self.latest_at = 0.0
+        """When they came (monotonic clock). [s]"""
         self.changes = 0
         """How often something has happened."""
         self.began = 0
@@ -67,7 +69,7 @@ class Feed:
                 return  # a late joiner may be told the latest slot twice
             self.clear()
         self._slots.append(Slot(position, payload))
-        self.latest = fields
+        self.latest, self.latest_at = fields, self._loop.time()
 
     def _tell(self) -> None:
         self.changes += 1

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Annotated, Self, TypeVar
+from typing import Annotated, Literal, Self, TypeVar
 
 from fastapi import Depends
 from starlette.requests import HTTPConnection
@@ -16,9 +15,11 @@ from zengrid.bus.client import Client
 from zengrid.errors import BusError, ZengridError
 from zengrid.wire.requests import Status
 from zengrid_gateway.feed import Feed
+from zengrid_gateway.log import say
 from zengrid_gateway.problems import Problem
 
 T = TypeVar("T")
+Command = Literal["pause", "resume", "step", "speed"]
 
 ATTEMPT_S = 1.0
 """Time for one attempt to reach the clock; short, so that a gateway without a market still ends at once."""
@@ -26,6 +27,8 @@ ANSWER_S = 5.0
 """Longest wait for an answer over Zenoh."""
 STATUS_PERIOD_S = 1.0
 """How often the clock is asked how it stands, however many clients ask the gateway."""
+HOMES_PERIOD_S = 0.5
+"""The same for all homes, as long as somebody asks for them."""
 QUESTIONS = 8
 """Questions over Zenoh at a time; each blocks a thread."""
 
@@ -39,6 +42,9 @@ class MarketLink:
         self.feed = Feed()
         self.status: Status | None = None
         """How the clock stood a moment ago, without homes; None while it is away."""
+        self._homes: Status | None = None
+        self._homes_until = 0.0
+        self._homes_lock = asyncio.Lock()
         self._loop = asyncio.get_running_loop()
         self._look = asyncio.Event()
         self._client: Client | None = None
@@ -124,6 +130,21 @@ class MarketLink:
             raise Problem("market-away", f"run {self.run}: its clock at {self.endpoint} does not answer")
         return self.status
 
+    async def homes_status(self) -> Status:
+        """The same with all homes; at most half a second old, and asked for once however many clients ask."""
+        self.check()
+        async with self._homes_lock:
+            if self._homes is None or self._loop.time() > self._homes_until:
+                self._homes = await self.ask(lambda client: client.control("status"))
+                self._homes_until = self._loop.time() + HOMES_PERIOD_S
+            return self._homes
+
+    async def control(self, command: Command, *, slots: int = 1, speed: float | None = None) -> Status:
+        """Steer the market; how it stands then is known at once."""
+        status = await self.ask(lambda client: client.control(command, slots=slots, speed=speed, homes=False))
+        self.status = status
+        return status
+
     async def refresh(self) -> None:
         """Ask the clock how it stands, and remember it."""
         before = self.feed.latest
@@ -134,11 +155,6 @@ class MarketLink:
         else:
             if self.status.last is None and self.feed.latest is before:
                 self.feed.clear()  # a new market has begun where an old one was
-
-
-def say(text: str) -> None:
-    """One line for whoever started the gateway."""
-    print(f"zengrid gateway: {text}", file=sys.stderr, flush=True)
 
 
 async def _link(connection: HTTPConnection) -> MarketLink:

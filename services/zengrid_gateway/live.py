@@ -14,6 +14,7 @@ from starlette.websockets import WebSocketDisconnect
 
 from zengrid.errors import ZengridError
 from zengrid.wire.slots import PublicSlot
+from zengrid_gateway.access import Access, bearer
 from zengrid_gateway.feed import Slot
 from zengrid_gateway.frames import Frame, Frames
 from zengrid_gateway.link import Link, MarketLink
@@ -27,6 +28,8 @@ STUCK_S = 20.0
 """A client that takes nothing for so long is given up."""
 
 router = APIRouter(tags=["live"])
+socket_router = APIRouter()
+"""Apart, since FastAPI's bearer scheme knows requests alone."""
 
 EXAMPLE = """\
 event: market
@@ -107,9 +110,16 @@ async def live(
     return EventStream(frames.follow(since, await missed(link, since)))
 
 
-@router.websocket("/v1/live")
-async def live_socket(socket: WebSocket, frames: LiveFrames, link: Link, since: Since = None) -> None:
+@socket_router.websocket("/v1/live")
+async def live_socket(socket: WebSocket, link: Link, since: Since = None) -> None:
     """The same over a WebSocket: messages `{"event": "slot", "id": 89, "data": {...}}`; nothing is read from it."""
+    try:
+        frames = await _frames(socket)
+        access: Access = socket.app.state.access
+        access.check(socket, "read", bearer(socket))
+    except Problem as problem:
+        await socket.close(1008, str(problem)[:120])
+        return
     await socket.accept()
     following = frames.follow(since, await missed(link, since))
 

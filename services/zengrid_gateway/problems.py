@@ -13,9 +13,14 @@ from starlette.exceptions import HTTPException
 
 from zengrid.errors import BusError, RefusedError, ZengridError
 
+MAX_BODY_BYTES = 2 * 2**20
+"""Largest request."""
 MEDIA_TYPE = "application/problem+json"
 
-Kind = Literal["market-away", "no-slot", "busy", "not-found", "method-not-allowed", "refused", "invalid", "failed"]
+Kind = Literal[
+    "market-away", "no-slot", "busy", "unauthorized", "forbidden", "not-found", "method-not-allowed", "refused",
+    "too-large", "misdirected", "invalid", "too-many", "failed",
+]  # fmt: skip
 
 CATALOGUE: Mapping[Kind, tuple[int, str, str]] = {
     "market-away": (
@@ -25,13 +30,22 @@ CATALOGUE: Mapping[Kind, tuple[int, str, str]] = {
     ),
     "no-slot": (503, "No slot is settled yet", "run main: waits for its agents"),
     "busy": (503, "Too many clients", "clients = 1000: 1000 may watch at a time; try again later"),
+    "unauthorized": (401, "Who are you?", "Authorization: missing; needed: Bearer TOKEN with the role operate"),
+    "forbidden": (403, "Not allowed", "role = read: this needs a token with the role operate"),
     "not-found": (404, "Not found", "/v1/prise: there is no such page"),
     "method-not-allowed": (405, "Method not allowed", "DELETE /v1/price: allowed are GET, HEAD"),
     "refused": (409, "The market refused", "the market is over"),
     "invalid": (422, "Invalid request", "limit = 0: Input should be greater than or equal to 1"),
+    "too-large": (413, "Too large", "body: more than 2 MiB"),
+    "misdirected": (421, "Not this server", "Host = example.org: this gateway answers to localhost alone"),
+    "too-many": (429, "Too many requests", "requests: more than 100 a second; go on in 1 s"),
     "failed": (500, "The gateway failed", "an error that is not yours; the gateway's log has it"),
 }
 """Each kind of problem: status code, title, and an example of its detail."""
+
+
+ANYWHERE: tuple[Kind, ...] = ("unauthorized", "misdirected", "too-many", "failed")
+"""Problems that any request can meet."""
 
 
 class FieldError(BaseModel):
@@ -81,7 +95,7 @@ def urn(kind: Kind) -> str:
 def documented(*kinds: Kind) -> dict[int | str, dict[str, Any]]:
     """The problems a route may answer with, for its documentation; several kinds may share a status code."""
     responses: dict[int | str, dict[str, Any]] = {}
-    for kind in (*kinds, "failed"):
+    for kind in (*kinds, *ANYWHERE):
         status, title, example = CATALOGUE[kind]
         body = {"type": urn(kind), "title": title, "status": status, "detail": example, "errors": []}
         media = {
@@ -138,6 +152,8 @@ async def _http(request: Request, error: Exception) -> Response:
         allowed = dict(error.headers or {}).get("Allow", "")
         detail = f"{request.method} {path}: allowed are {allowed}"
         return Problem("method-not-allowed", detail, headers={"allow": allowed}).response()
+    if error.status_code == HTTPStatus.REQUEST_ENTITY_TOO_LARGE:
+        return Problem("too-large", f"body: more than {MAX_BODY_BYTES // 2**20} MiB").response()
     return Problem("invalid", str(error.detail)).response()
 
 

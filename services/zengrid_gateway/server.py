@@ -11,7 +11,8 @@ import uvicorn
 from fastapi import FastAPI
 
 from zengrid.errors import BusError
-from zengrid_gateway.link import MarketLink, say
+from zengrid_gateway.link import MarketLink
+from zengrid_gateway.log import say
 from zengrid_gateway.settings import Settings
 
 BACKLOG = 2048

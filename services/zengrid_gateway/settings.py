@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
 
 from zengrid.bus.keys import DEFAULT_RUN
 from zengrid.bus.session import DEFAULT_ENDPOINT
+from zengrid_gateway.access import Protect, is_loopback
+
+
+def default_tokens() -> Path:
+    """Where tokens are kept unless told otherwise."""
+    state = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
+    return Path(state) / "zengrid" / "tokens.json"
 
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """Which market is shown, and where."""
+    """Which market is shown, where, and to whom."""
 
     run: str = DEFAULT_RUN
     endpoint: str = DEFAULT_ENDPOINT
@@ -19,3 +28,25 @@ class Settings:
     port: int = 8080
     journal: str | None = None
     """Where past slots can be read: a file or URL. Without it the clock is asked, and knows its own run alone."""
+    protect: Protect | None = None
+    """What needs a token; None: nothing on loopback, elsewhere writing."""
+    tokens: Path = field(default_factory=default_tokens)
+    rate: float | None = None
+    """Requests a second of one client, 0 without limit; None: no limit on loopback, elsewhere 100."""
+    origins: tuple[str, ...] = ()
+    """Other sites whose pages may use this gateway."""
+
+    @property
+    def local(self) -> bool:
+        """Whether it can be reached from this machine alone."""
+        return is_loopback(self.host)
+
+    @property
+    def protected(self) -> Protect:
+        """What needs a token."""
+        return self.protect or ("nothing" if self.local else "writing")
+
+    @property
+    def rate_per_s(self) -> float:
+        """Requests a second of one client."""
+        return self.rate if self.rate is not None else 0.0 if self.local else 100.0

@@ -1,0 +1,56 @@
+"""Pause, go on, step, and change the speed."""
+
+from __future__ import annotations
+
+from typing import Annotated, Self
+
+from fastapi import APIRouter, Body, Response
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from zengrid.wire.codec import JSON, encode
+from zengrid.wire.requests import Status
+from zengrid_gateway.access import OPERATE
+from zengrid_gateway.link import Command, Link
+from zengrid_gateway.problems import documented
+
+router = APIRouter(tags=["operation"])
+
+
+class Control(BaseModel):
+    """What the market shall do."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+    command: Command
+    slots: int = Field(default=1, ge=1, le=1_000_000, description="For `step`: slots to run before it stands still.")
+    speed: float | None = Field(
+        default=None, ge=0, le=1e9, description="For `speed`: times faster than real time, 0 as fast as answers come."
+    )
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        if self.command == "speed" and self.speed is None:
+            raise ValueError(
+                "speed is missing: give 0 to 1e9, times faster than real time; 0 is as fast as answers come"
+            )
+        return self
+
+
+EXAMPLES = {
+    "pause": {"value": {"command": "pause"}},
+    "resume": {"value": {"command": "resume"}},
+    "step": {"summary": "One day of hourly slots", "value": {"command": "step", "slots": 24}},
+    "speed": {"summary": "An hour in five seconds", "value": {"command": "speed", "speed": 720}},
+}
+
+
+@router.post(
+    "/v1/control",
+    response_model=Status,
+    responses=documented("market-away", "forbidden", "refused", "too-large", "invalid"),
+    dependencies=[OPERATE],
+)
+async def control(link: Link, wish: Annotated[Control, Body(openapi_examples=EXAMPLES)]) -> Response:
+    """Pause, go on, run some slots, or change the speed; answers how the market stands then."""
+    status = await link.control(wish.command, slots=wish.slots, speed=wish.speed)
+    return Response(encode(status), media_type=JSON)

@@ -1,0 +1,90 @@
+"""What every request passes: the name it was sent to, its rate, security headers, and the stop watch."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from zengrid_gateway.access import is_loopback
+from zengrid_gateway.limits import RateLimit
+from zengrid_gateway.problems import Problem
+
+# Plotly sets styles of elements; scripts come from here alone, and nothing is sent elsewhere.
+POLICY = (
+    b"default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
+    b"object-src 'none'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'"
+)
+HEADERS = [
+    (b"x-content-type-options", b"nosniff"),
+    (b"referrer-policy", b"no-referrer"),
+    (b"x-frame-options", b"DENY"),
+    (b"cross-origin-opener-policy", b"same-origin"),
+    (b"cross-origin-resource-policy", b"same-origin"),
+    (b"content-security-policy", POLICY),
+]
+"""Of every answer."""
+
+
+class Guard:
+    """ASGI middleware around the whole application.
+
+    Parameters
+    ----------
+    local:
+        Whether the gateway listens on loopback alone. Then only requests to a name of this machine are answered: a page
+        of another site, whose name is made to lead here, sends its own.
+    rate:
+        How much one client may ask for.
+    answered:
+        Told each route, status and time [s].
+    """
+
+    def __init__(self, app: ASGIApp, local: bool, rate: RateLimit, answered: Callable[[str, int, float], None]) -> None:
+        self._app = app
+        self._local = local
+        self._rate = rate
+        self._answered = answered
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass a request on, or refuse it."""
+        if scope["type"] == "lifespan":
+            await self._app(scope, receive, send)
+            return
+        began = time.perf_counter()
+
+        async def send_on(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                message["headers"] = [*message["headers"], *HEADERS]
+                route = getattr(scope.get("route"), "path", "other")
+                self._answered(route, message["status"], time.perf_counter() - began)
+            await send(message)
+
+        problem = self._refuse(scope)
+        if problem is None:
+            await self._app(scope, receive, send_on)
+        elif scope["type"] == "websocket":
+            await send({"type": "websocket.close", "code": 1008, "reason": str(problem)[:120]})
+        else:
+            await problem.response()(scope, receive, send_on)
+
+    def _refuse(self, scope: Scope) -> Problem | None:
+        if self._local:
+            host = next((value for name, value in scope["headers"] if name == b"host"), b"").decode("latin-1")
+            if host and not is_loopback(_name(host)):
+                allowed = "localhost, 127.0.0.1 or [::1]"
+                return Problem(
+                    "misdirected", f"Host = {host[:200]}: this gateway answers to {allowed} alone (see --host)"
+                )
+        wait_s = self._rate.wait_s(scope["client"][0] if scope["client"] else "", time.monotonic())
+        if wait_s:
+            seconds = f"{wait_s:.0f}" if wait_s > 1 else "1"
+            text = f"requests: more than {self._rate.per_s:g} a second; go on in {seconds} s"
+            return Problem("too-many", text, headers={"retry-after": seconds})
+        return None
+
+
+def _name(host: str) -> str:
+    """``[::1]:8080`` -> ``::1``, ``localhost:8080`` -> ``localhost``."""
+    return host[1 : host.find("]")] if host.startswith("[") else host.partition(":")[0]

@@ -1,0 +1,96 @@
+"""The runs of the journal, and the figures of each."""
+
+from __future__ import annotations
+
+import asyncio
+from datetime import UTC, datetime
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Path
+from pydantic import BaseModel, Field
+from starlette.requests import HTTPConnection
+
+from zengrid.journal import RunInfo
+from zengrid_gateway.archive import ArchiveOf
+from zengrid_gateway.kpis import Kpis, Sums, of_status
+from zengrid_gateway.link import Link
+from zengrid_gateway.problems import documented
+
+router = APIRouter(tags=["runs"])
+
+
+class Run(BaseModel):
+    """A run of the journal."""
+
+    name: str = Field(examples=["main-1"])
+    seed: int = Field(examples=[0])
+    dt_h: float = Field(description="Length of a slot [h].", examples=[1.0])
+    version: str = Field(description="Of zengrid, when it began.", examples=["0.1.0"])
+    started_at: datetime
+    finished_at: datetime | None = Field(description="Null while it goes on, or can be resumed.")
+    slots: int = Field(description="Settled slots.", examples=[168])
+
+    @classmethod
+    def of(cls, info: RunInfo) -> Run:
+        """From the journal."""
+        return cls(
+            name=info.name,
+            seed=info.seed,
+            dt_h=info.dt_h,
+            version=info.version,
+            started_at=datetime.fromtimestamp(info.started_at, UTC),
+            finished_at=None if info.finished_at is None else datetime.fromtimestamp(info.finished_at, UTC),
+            slots=info.slots,
+        )
+
+
+class Runs(BaseModel):
+    """Runs, oldest first."""
+
+    runs: list[Run]
+
+
+class Book:
+    """The sums of the runs asked for last; one of them is added up at a time."""
+
+    KEPT = 100
+
+    def __init__(self) -> None:
+        self.lock = asyncio.Lock()
+        self._sums: dict[str, Sums] = {}
+
+    def sums(self, run: str) -> Sums:
+        """What is known of a run."""
+        self._sums[run] = sums = self._sums.pop(run, None) or Sums()
+        if len(self._sums) > self.KEPT:
+            del self._sums[next(iter(self._sums))]
+        return sums
+
+
+async def _book(connection: HTTPConnection) -> Book:
+    book: Book = connection.app.state.book
+    return book
+
+
+BookOf = Annotated[Book, Depends(_book)]
+RunName = Annotated[str, Path(max_length=80, pattern=r"^[\w.-]+$", examples=["main-1"])]
+
+
+@router.get("/v1/runs", responses=documented("not-found"))
+async def runs(archive: ArchiveOf) -> Runs:
+    """All runs of the journal."""
+    return Runs(runs=[Run.of(info) for info in await archive.runs()])
+
+
+@router.get("/v1/runs/{run}/kpis", responses=documented("not-found", "invalid"))
+async def run_kpis(archive: ArchiveOf, book: BookOf, run: RunName) -> Kpis:
+    """How a run of the journal fared beside the same days without demand response."""
+    past = await archive.past(run)
+    async with book.lock:
+        return await asyncio.to_thread(book.sums(run).read_on, past)
+
+
+@router.get("/v1/kpis", responses=documented("market-away"))
+async def kpis(link: Link) -> Kpis:
+    """How the market fares now beside the same days without demand response."""
+    return of_status(await link.homes_status())
