@@ -65,7 +65,7 @@ class Homes:
     @property
     def count(self) -> int:
         """Number of homes."""
-        return int(self.capacity_kwh.shape[0])
+        return int(self.capacity_kwh.shape[-1])
 
     def take(self, index: ArrayLike) -> Self:
         """The homes at the given positions, in that order (numpy indexing rules)."""

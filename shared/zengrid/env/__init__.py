@@ -1,1 +1,1 @@
-"""The vectorised environment and its PettingZoo and Gymnasium adapters."""
+"""The market as an environment: many days side by side, and as PettingZoo and Gymnasium know environments."""
