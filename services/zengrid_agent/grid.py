@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import argparse
 
 import numpy as np
 
 from zengrid.bus.agent import AgentLink
-from zengrid.policy import GridPolicy, GridView
+from zengrid.core.observe import grid_features
+from zengrid.policy.facts import MarketFacts
+from zengrid.policy.registry import make_grid_policy
+from zengrid.policy.views import GridView
 from zengrid.wire.requests import JoinReply, JoinRequest, PolicyReply, PolicyRequest
 from zengrid.wire.slots import GridAction, GridObservation
-from zengrid_agent.answers import explain_policy
-from zengrid_agent.session import AgentSession
+from zengrid_agent.answers import policy_reply, slot_of
+from zengrid_agent.facts import market_facts
+from zengrid_agent.session import AgentSession, new_instance
 
 
 class Grid(AgentSession[GridObservation]):
@@ -19,29 +23,31 @@ class Grid(AgentSession[GridObservation]):
 
     observation = GridObservation
 
-    def __init__(self, link: AgentLink, wish: JoinRequest, make: Callable[[JoinReply], GridPolicy]) -> None:
+    def __init__(self, link: AgentLink, wish: JoinRequest) -> None:
         super().__init__(link, wish)
-        self._make = make
+        self._facts: MarketFacts | None = None
 
     def welcome(self, market: JoinReply) -> None:
         """Make the policy for this market."""
-        self._dt_h = market.dt_h
-        self._levels = np.array(market.buy_prices)
-        self._policy = self._make(market)
+        if self._facts is None:
+            self._facts = market_facts(market, ())
+            self._levels = np.array(market.buy_prices)
+            self._policy = make_grid_policy(self.wish.policy, self._facts)
 
     def act(self, seen: GridObservation) -> GridAction:
         """Set the price."""
+        assert self._facts is not None
         view = GridView(
-            day=seen.day,
-            slot=seen.slot,
-            dt_h=self._dt_h,
-            facility_cost=seen.facility_cost,
-            payment=seen.payment,
-            payment_sum=seen.payment_sum,
-            homes=seen.homes,
-            demand_kw=seen.demand_kw,
-            sell_price=seen.sell_price,
-            buy_prices=self._levels,
+            seen.day,
+            seen.slot,
+            self._facts.dt_h,
+            seen.facility_cost,
+            seen.payment,
+            seen.payment_sum,
+            seen.homes,
+            seen.demand_kw,
+            seen.sell_price,
+            self._levels,
         )
         return GridAction.trusted(
             v=1,
@@ -54,5 +60,28 @@ class Grid(AgentSession[GridObservation]):
         )
 
     def answer(self, wish: PolicyRequest) -> PolicyReply:
-        """What it would do."""
-        return explain_policy("grid", self._policy, wish)
+        """What the policy would do, row by row."""
+        facts = self._facts
+        assert facts is not None
+
+        def act(row: dict[str, float]) -> float:
+            cost = np.array([row[f"facility_cost_{i + 1}"] for i in range(facts.facilities)])
+            outcome = (row["payment_sum"], int(row["homes"]), row["demand_kw"], row["sell_price"])
+            view = GridView(0, slot_of(row, facts), facts.dt_h, cost, None, *outcome, self._levels)
+            return float(self._policy.act(view))
+
+        return policy_reply(self.wish.agent, self._policy, grid_features("public", facts.facilities, 0), wish, act)
+
+
+def play(options: argparse.Namespace) -> None:
+    """Take part until the market is over."""
+    wish = JoinRequest(
+        agent="grid",
+        role="grid",
+        instance=new_instance(),
+        policy=options.policy,
+        observation=options.observation,
+        encoding=options.encoding,
+    )
+    with AgentLink("grid", options.run, options.connect, timeout_s=options.timeout) as link:
+        Grid(link, wish).live()

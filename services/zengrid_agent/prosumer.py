@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+import argparse
+from typing import Any
+
 import numpy as np
+from pydantic import ValidationError
 
 from zengrid.bus.agent import AgentLink
-from zengrid.core.params import Homes
-from zengrid.errors import PolicyError, ZengridError
-from zengrid.policy import ProsumerPolicy, ProsumerView
-from zengrid.wire.requests import HomeLimits, JoinReply, JoinRequest, PolicyReply, PolicyRequest
+from zengrid.core.observe import prosumer_features
+from zengrid.errors import PolicyError, ScenarioError
+from zengrid.policy.registry import make_prosumer_policy
+from zengrid.policy.views import ProsumerView
+from zengrid.scenario.home import HomeSpec
+from zengrid.wire.codec import explain
+from zengrid.wire.requests import JoinReply, JoinRequest, PolicyReply, PolicyRequest
 from zengrid.wire.slots import FleetAction, FleetObservation
-from zengrid_agent.session import AgentSession
+from zengrid_agent.answers import policy_reply, slot_of
+from zengrid_agent.facts import market_facts
+from zengrid_agent.session import AgentSession, new_instance
 
 
 class Prosumer(AgentSession[FleetObservation]):
@@ -18,28 +27,31 @@ class Prosumer(AgentSession[FleetObservation]):
 
     observation = FleetObservation
 
-    def __init__(self, link: AgentLink, wish: JoinRequest, policy: PolicyMaker) -> None:
+    def __init__(self, link: AgentLink, wish: JoinRequest) -> None:
         super().__init__(link, wish)
-        self._make = policy
+        self._market: JoinReply | None = None
 
     def welcome(self, market: JoinReply) -> None:
         """Make the policy for these homes."""
+        if self._market is not None and self._market.homes == market.homes:
+            return
+        facts = market_facts(market, market.homes)
+        self._dt_h, self._homes = facts.dt_h, facts.homes
+        self._policy = make_prosumer_policy(self.wish.policy, facts)
         self._market = market
-        self._homes = homes_of(market.homes)
-        self._policy = self._make(market, self._homes)
 
     def act(self, seen: FleetObservation) -> FleetAction:
         """Command every battery."""
         view = ProsumerView(
-            day=seen.day,
-            slot=seen.slot,
-            dt_h=self._market.dt_h,
-            soc=seen.soc,
-            pv_kw=seen.pv_kw,
-            load_kw=seen.load_kw,
-            buy_price=seen.buy_price,
-            sell_price=seen.sell_price,
-            homes=self._homes,
+            seen.day,
+            seen.slot,
+            self._dt_h,
+            seen.soc,
+            seen.pv_kw,
+            seen.load_kw,
+            seen.buy_price,
+            seen.sell_price,
+            self._homes,
         )
         return FleetAction.trusted(
             v=1,
@@ -50,3 +62,55 @@ class Prosumer(AgentSession[FleetObservation]):
             instance=self.wish.instance,
             battery_kw=self._policy.act(view),
         )
+
+    def answer(self, wish: PolicyRequest) -> PolicyReply:
+        """What the policy would do with one home, row by row."""
+        assert self._market is not None
+        homes = self._market.homes if wish.home is None else [h for h in self._market.homes if h.id == wish.home]
+        if not homes:
+            names = ", ".join(home.id for home in self._market.homes[:10])
+            raise PolicyError(f"home = {wish.home}: {self.wish.agent} plays {names}")
+        facts = market_facts(self._market, homes[:1])
+        policy = make_prosumer_policy(self.wish.policy, facts)
+
+        def act(row: dict[str, float]) -> float:
+            soc, pv_kw, load_kw = (np.array([row[name]]) for name in ("soc", "pv_kw", "load_kw"))
+            prices = row["buy_price"], row["sell_price"]
+            view = ProsumerView(0, slot_of(row, facts), facts.dt_h, soc, pv_kw, load_kw, *prices, facts.homes)
+            return float(policy.act(view)[0])
+
+        return policy_reply(self.wish.agent, policy, prosumer_features("public"), wish, act)
+
+
+def play(options: argparse.Namespace) -> None:
+    """Take part until the market is over."""
+    brings = options.pv is not None or options.battery is not None
+    wish = JoinRequest(
+        agent=options.id,
+        role="prosumer",
+        instance=new_instance(),
+        policy=options.policy,
+        homes=(_home(options),) if brings else None,
+        observation=options.observation,
+        encoding=options.encoding,
+    )
+    with AgentLink(options.id, options.run, options.connect, timeout_s=options.timeout) as link:
+        Prosumer(link, wish).live()
+
+
+def _home(options: argparse.Namespace) -> HomeSpec:
+    battery: dict[str, Any] = {"capacity_kwh": options.battery or 0.0}
+    if options.battery_power is not None:
+        battery |= {"charge_max_kw": options.battery_power, "discharge_max_kw": options.battery_power}
+    load = {"profile": options.load, "scale": options.load_scale}
+    given: dict[str, Any] = {
+        "id": options.id,
+        "pv_kw": options.pv or 0.0,
+        "battery": battery,
+        "load": {name: value for name, value in load.items() if value is not None},
+        "seed": options.seed or 0,
+    }
+    try:
+        return HomeSpec.model_validate(given)
+    except ValidationError as error:
+        raise ScenarioError(f"home {options.id}: {explain(error)}") from None

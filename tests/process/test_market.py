@@ -1,0 +1,129 @@
+"""The live market with real processes over real Zenoh: what is settled, who takes part, how it is steered."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from zengrid.errors import RefusedError
+from zengrid.journal import Journal
+from zengrid.journal.audit import audit
+from zengrid.testing import Market
+
+PAPER = ("p1", "p2", "p3")
+
+
+def test_runs_to_its_end_and_everyone_leaves() -> None:
+    with Market("paper", ("--days", "3")) as market:
+        market.start_agents(*PAPER)
+        assert market.processes["clock"].end() == 0, market.said()
+        assert [market.processes[name].end() for name in ("grid", *PAPER)] == [0, 0, 0, 0], market.said()
+        with Journal.open(market.journal, read_only=True) as journal:
+            run = journal.run()
+            assert run.info.finished_at is not None
+            assert run.count() == 72
+            assert audit(run) == []
+            assert not any(record.fallback.any() or record.grid_fallback for record in run.records())
+
+
+def test_a_home_joins_from_another_terminal_and_leaves_again() -> None:
+    with Market("paper") as market:
+        market.start_agents(*PAPER)
+        market.wait_for_slots(5)
+        p4 = market.start_prosumer("p4", "--pv", "5", "--battery", "10")
+        market.wait_for_slot(lambda slot: slot.homes == 4 and "p4" in slot.acted, missing="a slot in which p4 acted")
+        status = market.client.control("status")
+        assert status.homes is not None
+        assert status.homes.homes == (*PAPER, "p4")
+        assert status.homes.capacity_kwh[3] == 10
+        p4.signal(15)
+        assert p4.end() == 0, p4.said()
+        market.wait_for_slot(lambda slot: slot.homes == 3, missing="a slot without p4")
+        market.client.control("stop")
+        market.processes["clock"].end()
+        with Journal.open(market.journal, read_only=True) as journal:
+            assert audit(journal.run()) == []
+            assert [len(roster.homes) for _, roster in journal.run().rosters()][-1] == 3
+
+
+def test_pause_step_speed_and_stop() -> None:
+    with Market("paper", ("--paused",)) as market:
+        market.start_agents(*PAPER)
+        status = market.wait_for_status(lambda s: s.state == "paused", missing="the pause before the first slot")
+        assert (status.day, status.slot, status.last) == (0, 0, None)
+        market.client.control("step", slots=5)
+        status = market.wait_for_status(lambda s: s.state == "paused" and s.slot == 5, missing="five steps")
+        assert status.totals.slots == 5
+        market.client.control("speed", speed=3600 * 20)
+        market.client.control("resume")
+        assert market.wait_for_slot(8).position >= 8
+        market.client.control("stop")
+        assert market.processes["clock"].end() == 0
+        with pytest.raises(Exception, match="nobody answered"):
+            market.client.control("status")
+
+
+def test_any_zenoh_tool_can_read_the_price() -> None:
+    with Market("paper", ("--days", "1", "--speed", "36000x")) as market:
+        market.start_agents(*PAPER)
+        market.wait_for_slot(3)
+        (reply,) = market.client.session.get(market.client.keys.slot)
+        assert reply.ok is not None
+        slot = json.loads(reply.ok.payload.to_string())
+        assert slot["buy_price"] == 0.05
+        assert slot["sell_price"] in (0.05, 0.095)
+
+
+def test_history_is_what_the_journal_holds() -> None:
+    with Market("paper", ("--days", "2")) as market:
+        market.start_agents(*PAPER)
+        market.wait_for_slot(30)
+        first = market.client.history(0, 10, homes=True)
+        assert [slot.position for slot in first.slots] == list(range(10))
+        assert first.next == 10
+        assert [slot.position for slot in market.client.history(first.next, 5).slots] == list(range(10, 15))
+        with Journal.open(market.journal, read_only=True) as journal:
+            records = journal.run().records(0, limit=10)
+        for slot, record in zip(first.slots, records, strict=True):
+            assert slot.detail is not None
+            assert np.array_equal(slot.detail.soc, record.soc)
+            assert slot.profit == record.profit
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (("--pv", "-1"), "home p9: pv_kw = -1.0: Input should be greater than or equal to 0"),
+        (("--battery", "10", "--load", "no-such-profile"), "no-such-profile"),
+        ((), "agent = p9: not in the scenario, so it must bring homes"),
+    ],
+)
+def test_a_home_that_does_not_fit_is_refused_with_its_reason(options: tuple[str, ...], says: str) -> None:
+    with Market("paper") as market:
+        market.start_agents(*PAPER)
+        market.wait_for_slots(1)
+        stranger = market.start_prosumer("p9", *options)
+        assert stranger.end() == 1
+        assert says in stranger.said()
+        assert "Traceback" not in stranger.said()
+        market.wait_for_slots(5)
+
+
+def test_only_the_clock_and_the_grid_have_their_names() -> None:
+    with Market("paper") as market:
+        market.start_agents(*PAPER)
+        market.wait_for_slots(1)
+        for name in ("grid", "clock"):
+            stranger = market.start_prosumer(name, "--pv", "1", "--battery", "1", name=f"false-{name}")
+            assert stranger.end() == 1
+            assert "only it, is called grid" in stranger.said()
+        market.wait_for_slots(5)
+
+
+def test_control_requests_that_make_no_sense_are_refused() -> None:
+    with Market("paper", ("--paused",)) as market:
+        market.start_agents(*PAPER)
+        with pytest.raises(RefusedError, match="speed: needs a number"):
+            market.client.control("speed")
