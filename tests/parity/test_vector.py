@@ -47,9 +47,11 @@ def test_a_batch_of_days_is_a_loop_over_the_core(name: str, slot_minutes: int) -
                 "public", socs[i], now.pv_kw, now.load_kw, prices[slot, i], now.sell_price, time
             )
             assert homes_seen.tobytes() == seen_homes[i].tobytes()
-            zeros = np.zeros(market.facilities.count), np.zeros(homes), 0.0
-            known = zeros if before is None else (before.facility_cost, before.payment, before.demand_kw)
-            assert observe_grid("public", *known, now.sell_price, time).tobytes() == seen_grid[i].tobytes()
+            cost, payment, demand_kw = np.zeros(market.facilities.count), np.zeros(homes), np.zeros(())
+            if before is not None:
+                cost, payment, demand_kw = before.facility_cost, before.payment, before.demand_kw
+            grid_seen = observe_grid("public", cost, payment, demand_kw, now.sell_price, time)
+            assert grid_seen.tobytes() == seen_grid[i].tobytes()
             socs[i], last[i] = settled.soc, settled
     assert vector.over
     with pytest.raises(IndexError, match="the day has"):

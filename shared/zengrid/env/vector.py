@@ -134,20 +134,17 @@ def homes_index(homes: slice, count: int) -> NDArray[np.intp]:
 
 
 def beside(markets: Sequence[Market]) -> Market:
-    """Variants of a market as one, for leading axes ``(variant, day)``: every array of its homes is ``(variant, 1, home)``.
+    """Variants of a market as one, for leading axes ``(variant, day)``: arrays of its homes are ``(variant, 1, home)``.
 
     The variants differ in their homes alone, and have the same number of them.
     """
     first = markets[0]
     for market in markets[1:]:
         same = market.dt_h == first.dt_h and market.value_of_lost_load == first.value_of_lost_load
-        plants = [
-            (getattr(market.facilities, f.name), getattr(first.facilities, f.name)) for f in fields(first.facilities)
-        ]
-        if not same or not all(np.array_equal(one, other) for one, other in plants):
-            raise ValueError(
-                "markets: side by side they may differ in their homes alone, not in facilities or slot length"
-            )
+        for f in fields(first.facilities):
+            same &= np.array_equal(getattr(market.facilities, f.name), getattr(first.facilities, f.name))
+        if not same:
+            raise ValueError("markets: side by side they may differ in their homes alone")
         if market.homes.count != first.homes.count:
             raise ValueError(f"markets: {market.homes.count} homes beside {first.homes.count}; permitted: equally many")
     columns = (np.stack([getattr(market.homes, f.name) for market in markets])[:, None, :] for f in fields(Homes))
@@ -155,7 +152,7 @@ def beside(markets: Sequence[Market]) -> Market:
 
 
 def slots_first(days: Exogenous) -> Exogenous:
-    """Days as ``zengrid.scenario`` makes them, ``(day, slot, ...)``, with the slot in front, as ``begin`` takes them."""
+    """Days as ``zengrid.scenario`` makes them, ``(day, slot, ...)``, with the slot in front, for ``begin``."""
     return Exogenous(*(np.ascontiguousarray(np.moveaxis(column, 1, 0)) for column in days))
 
 
