@@ -28,4 +28,8 @@ class BusError(ZengridError):
 
 
 class RefusedError(ZengridError):
-    """The clock answered, and said no: the message carries its reason."""
+    """The other side answered, and said no: the message says why, ``reason`` in one word (see ``RefusalReason``)."""
+
+    def __init__(self, message: str, reason: str = "invalid") -> None:
+        super().__init__(message)
+        self.reason = reason

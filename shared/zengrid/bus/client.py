@@ -44,7 +44,8 @@ def request(session: zenoh.Session, key: str, message: Message, kind: type[M], t
         if reply.err is not None:
             refusal = reply.err.payload.to_bytes()
             if refusal.startswith(b"{"):
-                raise RefusedError(decode(Refusal, refusal).message)
+                no = decode(Refusal, refusal)
+                raise RefusedError(no.message, no.reason)
     raise BusError(f"{key}: nobody answered within {timeout_s:g} s")
 
 
