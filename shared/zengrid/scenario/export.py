@@ -83,7 +83,7 @@ def _write_csv(scenario: Scenario, made: Exogenous, times: list[datetime], folde
 
 def _write_replay(scenario: Scenario, folder: Path) -> Path:
     """The same market on the exported profiles instead of its own, without further noise."""
-    fields = scenario.model_dump(mode="json", by_alias=True)
+    fields = scenario.model_dump(mode="json", by_alias=True, exclude={"homes"})
     fields["description"] = f"Days of the scenario {scenario.name}, seed {scenario.seed}, as exported to profiles.csv."
     fields["population"] = None
     fields["homes"] = [

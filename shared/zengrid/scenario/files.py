@@ -102,7 +102,7 @@ def loads(
 
 def dump(scenario: Scenario) -> str:
     """The complete scenario as YAML, defaults included; data files by absolute path and content hash."""
-    fields = scenario.model_dump(mode="json", by_alias=True)
+    fields = scenario.model_dump(mode="json", by_alias=True, exclude=scenario.drawn)
     if not isinstance(scenario.data, BuiltinData):
         fields["data"]["sha256"] = content_hash(scenario.data.files(scenario.slot_minutes))
     text: str = yaml.dump(fields, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=120)

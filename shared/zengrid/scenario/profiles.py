@@ -68,7 +68,7 @@ def resample(power: Floats, slots: int) -> Floats:
     Parameters
     ----------
     power:
-        Mean power, ``(..., part)``. [kW]
+        Mean power, not negative, ``(..., part)``. [kW]
     slots:
         Number of parts wanted.
 
@@ -89,4 +89,5 @@ def resample(power: Floats, slots: int) -> Floats:
     before, rest = edges // slots, (edges % slots) / slots
     after = np.minimum(before + 1, given)
     at_edges = energy[..., before] * (1.0 - rest) + energy[..., after] * rest
-    return np.ascontiguousarray(np.diff(at_edges, axis=-1) * slots)
+    # Differences of sums may fall below 0 by rounding.
+    return np.ascontiguousarray(np.maximum(np.diff(at_edges, axis=-1) * slots, 0.0))

@@ -188,9 +188,12 @@ class Scenario(Spec):
     @model_serializer(mode="wrap")
     def _undrawn(self, handler: Handler) -> dict[str, Any]:
         fields: dict[str, Any] = handler(self)
-        if self.population is not None:
-            fields.pop("homes", None)  # They are drawn again.
-        return fields
+        return {name: value for name, value in fields.items() if name not in self.drawn}
+
+    @property
+    def drawn(self) -> set[str]:
+        """Fields that follow from others: homes, where they are drawn from a population."""
+        return set() if self.population is None else {"homes"}
 
     @property
     def dt_h(self) -> float:
@@ -267,7 +270,7 @@ class Scenario(Spec):
         """
         from zengrid.scenario.explain import explain
 
-        fields = self.model_dump(by_alias=True)
+        fields = self.model_dump(by_alias=True, exclude=self.drawn)
         if self.population is not None and any(path.split(".")[0] == "homes" for path in changes):
             # Homes that are changed one by one are no longer drawn.
             fields |= {"homes": [home.model_dump() for home in self.homes], "population": None}

@@ -108,10 +108,8 @@ def even_step(table: Table, column: str, minutes: Minutes, rows: NDArray[np.intp
             raise table.error(row, column, f"{this} stands there twice; permitted: each time once")
         if found < 0:
             raise table.error(row, column, f"{this} after {last} is out of order; permitted: increasing times")
-        missing = _time(minutes[before] + step)
-        raise table.error(
-            row, column, f"{this} after {last}: {missing} is missing; permitted: one line every {step} min"
-        )
+        fault = f"{_time(minutes[before] + step)} is missing" if found % max(step, 1) == 0 else "the step changes"
+        raise table.error(row, column, f"{this} after {last}: {fault}; permitted: one line every {step} min")
     if step <= 0 or DAY % step or int(minutes[0]) % step:
         this = _time(minutes[0])
         permitted = "a step that divides the day into equal parts, counted from midnight"
