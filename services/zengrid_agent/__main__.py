@@ -32,6 +32,7 @@ def parser() -> argparse.ArgumentParser:
     )
     brought.add_argument("--load-scale", type=float, metavar="FACTOR", help="factor on the load profile (default: 1)")
     brought.add_argument("--seed", type=int, help="changes the home's own noise (default: 0)")
+    brought.add_argument("--home", metavar="JSON", help="instead of all these: the home as a scenario describes it")
     grid = roles.add_parser("grid", help="set the price at which the grid buys")
     for role in (prosumer, grid):
         role.add_argument(

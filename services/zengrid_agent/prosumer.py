@@ -84,7 +84,7 @@ class Prosumer(AgentSession[FleetObservation]):
 
 def play(options: argparse.Namespace) -> None:
     """Take part until the market is over."""
-    brings = options.pv is not None or options.battery is not None
+    brings = options.pv is not None or options.battery is not None or options.home is not None
     wish = JoinRequest(
         agent=options.id,
         role="prosumer",
@@ -111,6 +111,8 @@ def _home(options: argparse.Namespace) -> HomeSpec:
         "seed": options.seed or 0,
     }
     try:
+        if options.home is not None:
+            return HomeSpec.model_validate_json(options.home)
         return HomeSpec.model_validate(given)
     except ValidationError as error:
         raise ScenarioError(f"home {options.id}: {explain(error)}") from None

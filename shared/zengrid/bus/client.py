@@ -23,8 +23,11 @@ from zengrid.wire.requests import (
     Status,
 )
 from zengrid.wire.slots import PublicSlot
+from zengrid.wire.spawner import ProcessStatus, SpawnerRequest, SpawnerStatus, SpawnRequest, StopReply, StopRequest
 
 M = TypeVar("M", bound=Message)
+SPAWN_S = 20.0
+"""Longest wait for a process to start or end; its spawner answers before."""
 
 
 def request(session: zenoh.Session, key: str, message: Message, kind: type[M], timeout_s: float) -> M:
@@ -85,6 +88,27 @@ class Client:
     def ask_policy(self, agent: str, wish: PolicyRequest) -> PolicyReply:
         """What an agent would do."""
         return request(self.session, self.keys.policy(agent), wish, PolicyReply, self.timeout_s)
+
+    def spawners(self) -> list[SpawnerStatus]:
+        """Every spawner of this market and its processes, by name."""
+        replies = self.session.get(
+            self.keys.spawner("*", "status"),
+            payload=encode(SpawnerRequest()),
+            encoding=JSON,
+            target=zenoh.QueryTarget.ALL,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            timeout=self.timeout_s,
+        )
+        found = [decode(SpawnerStatus, reply.ok.payload.to_bytes()) for reply in replies if reply.ok is not None]
+        return sorted(found, key=lambda each: each.spawner)
+
+    def spawn(self, spawner: str, wish: SpawnRequest) -> ProcessStatus:
+        """Have a prosumer process started; returns once it takes part in the market."""
+        return request(self.session, self.keys.spawner(spawner, "spawn"), wish, ProcessStatus, SPAWN_S)
+
+    def stop_process(self, spawner: str, wish: StopRequest) -> StopReply:
+        """Have a prosumer process ended; returns once it has left."""
+        return request(self.session, self.keys.spawner(spawner, "stop"), wish, StopReply, SPAWN_S)
 
     def latest(self) -> PublicSlot | None:
         """The last settled slot, or None before the first."""

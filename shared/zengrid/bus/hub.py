@@ -27,16 +27,17 @@ EventKind = Literal["action", "alive", "gone", "join", "leave", "control"]
 
 
 class Query:
-    """A question that the clock answers when it gets to it."""
+    """A question that is answered when its receiver gets to it; ``key`` says as whom, where it went to many."""
 
-    def __init__(self, query: zenoh.Query) -> None:
+    def __init__(self, query: zenoh.Query, key: str | None = None) -> None:
         self._query = query
+        self._key = key or query.key_expr
         self.payload = query.payload.to_bytes() if query.payload is not None else b"{}"
 
     def reply(self, payload: bytes) -> None:
         """Answer and close the question."""
         with self._query as query:
-            query.reply(query.key_expr, payload, encoding=JSON)
+            query.reply(self._key, payload, encoding=JSON)
 
     def refuse(self, reason: RefusalReason, message: str) -> None:
         """Refuse with a reason and close the question."""

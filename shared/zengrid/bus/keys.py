@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 ROOT = "zengrid/@v1"
 """The version chunk starts with ``@``: ``zengrid/**`` does not match it, ``zengrid/@v1/**`` does."""
 
@@ -40,6 +42,10 @@ class Keys:
     def policy(self, agent: str) -> str:
         """Where an agent answers what it would do."""
         return f"{self._agent}/{agent}/policy"
+
+    def spawner(self, name: str, what: Literal["spawn", "stop", "status"]) -> str:
+        """Where a spawner answers; the name ``*`` asks all of them."""
+        return f"{self.base}/spawner/{name}/{what}"
 
 
 def agent_of(key: str) -> str:
