@@ -1,0 +1,99 @@
+"""What it costs to commit a slot to the journal: ``python benchmarks/journal.py --homes 3 10000 --out FILE``."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import platform
+import sqlite3
+import tempfile
+import time
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from zengrid.core.params import Facilities, Homes, Market
+from zengrid.core.settle import settle
+from zengrid.core.state import Action, Exogenous
+from zengrid.journal import Journal, Roster, SlotRecord
+
+SLOTS_PER_DAY = 96
+PATTERNS = 16
+"""Different slots that are committed in turn."""
+
+
+def pattern(homes: int, rng: np.random.Generator) -> SlotRecord:
+    """A settled slot of a market of any size."""
+    market = Market(
+        Homes.of(np.full(homes, 8.0)), Facilities.of([20.0, 50.0 + 10.0 * homes], [0.03, 0.3]), dt_h=24 / SLOTS_PER_DAY
+    )
+    day = Exogenous(
+        pv_kw=rng.uniform(0.0, 4.0, homes),
+        load_kw=rng.uniform(0.2, 3.0, homes),
+        consumer_kw=rng.uniform(5.0, 20.0, 1),
+        sell_price=np.asarray(0.095),
+    )
+    settled = settle(rng.uniform(0.1, 0.9, homes), Action(np.asarray(0.08), rng.uniform(-2.0, 2.0, homes)), day, market)
+    return SlotRecord.of(0, 0, 0, 0.0, 0.08, day, settled, settled, np.zeros(homes, np.bool_), False, 1)
+
+
+def commit_us(place: Path, homes: int, slots: int, durability: Literal["normal", "full"]) -> dict[str, float]:
+    """Time of each commit of a run. [us]"""
+    rng = np.random.default_rng(0)
+    patterns = [pattern(homes, rng) for _ in range(PATTERNS)]
+    names = tuple(f"h{i}" for i in range(homes))
+    roster = Roster(1, names, tuple({"id": name} for name in names), ())
+    times = np.empty(slots)
+    with Journal.open(place, durability=durability) as journal:
+        run = journal.begin("benchmark", "", seed=0, dt_h=24 / SLOTS_PER_DAY, version="")
+        for i in range(slots):
+            record = dataclasses.replace(
+                patterns[i % PATTERNS],
+                position=i,
+                day=i // SLOTS_PER_DAY,
+                slot=i % SLOTS_PER_DAY,
+                settled_at=time.time(),
+            )
+            began = time.perf_counter()
+            run.commit(record, roster if i == 0 else None)
+            times[i] = time.perf_counter() - began
+    later = times[1:] * 1e6
+    return {
+        "first_us": times[0] * 1e6,
+        "median_us": float(np.median(later)),
+        "p99_us": float(np.percentile(later, 99)),
+        "max_us": float(later.max()),
+        "mean_us": float(later.mean()),
+        "bytes_per_slot": place.stat().st_size / slots,
+    }
+
+
+def main() -> None:
+    """Measure, print a table, and write JSON where asked to."""
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--homes", type=int, nargs="+", default=[3, 100, 10_000])
+    options.add_argument("--slots", type=int, default=20_000, help="for 3 homes; fewer for more")
+    options.add_argument("--out", type=Path)
+    asked = options.parse_args()
+    results = []
+    print(f"{'homes':>6} {'durability':>10} {'slots':>6} {'median':>9} {'p99':>9} {'max':>10} {'mean':>9}  us a commit")
+    for homes in asked.homes:
+        for durability in ("normal", "full"):
+            slots = max(200, min(asked.slots, asked.slots * 50 // homes) // (5 if durability == "full" else 1))
+            with tempfile.TemporaryDirectory(dir=".") as folder:
+                result = commit_us(Path(folder) / "journal.db", homes, slots, durability)
+            results.append({"homes": homes, "durability": durability, "slots": slots, **result})
+            print(
+                f"{homes:6} {durability:>10} {slots:6} {result['median_us']:9.0f} {result['p99_us']:9.0f} "
+                f"{result['max_us']:10.0f} {result['mean_us']:9.0f}",
+                flush=True,
+            )
+    if asked.out:
+        about = {"python": platform.python_version(), "sqlite": sqlite3.sqlite_version, "machine": platform.machine()}
+        asked.out.write_text(json.dumps({"about": about, "results": results}, indent=2) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
