@@ -81,9 +81,8 @@ class AgentSession(ABC, Generic[Seen]):
         market = self.link.join(self.wish)
         self.welcome(market)
         self.link.ready()
-        say(
-            f"{self.wish.agent} takes part in {market.run} ({market.scenario}) from day {market.day}, slot {market.slot}"
-        )
+        since = f"day {market.day}, slot {market.slot}"
+        say(f"{self.wish.agent} takes part in {market.run} ({market.scenario}) from {since} on")
 
     def _answer_next(self) -> bool:
         """Wait for an observation and answer it; False when the market is over."""
