@@ -144,6 +144,8 @@ def _words(node: Schema, schema: Schema) -> str:
     if "enum" in node or "const" in node:
         return ", ".join(map(str, node.get("enum", [node.get("const")])))
     kind = node.get("type")
+    if kind == "null":
+        return "null"
     if kind in ("number", "integer"):
         return f"a {'whole ' if kind == 'integer' else ''}number{_range(node)}"
     if kind == "array":
@@ -161,6 +163,7 @@ _EXAMPLES = {
     r"^([01]\d|2[0-3]):[0-5]\d$": "11:00",
     r"^(0[1-9]|1[0-2])-(0[1-9]|[12]\d|3[01])$": "04-15, a month and a day",
     r"^[a-z0-9][a-z0-9_-]{0,62}$": "p1: 1 to 63 of a-z, 0-9, _ and -, beginning with a letter or digit",
+    r"^[a-z][a-z0-9_-]{0,15}$": "h: 1 to 16 of a-z, 0-9, _ and -, beginning with a letter",
     r"^[0-9a-f]{64}$": "64 hexadecimal digits",
 }
 

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from zengrid.core.params import Homes
 
-Id = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,62}$", description="Lower-case name of a home or agent.")]
+Id = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,62}$", description="Lower-case name, unique among its kind.")]
 
 
 class Spec(BaseModel):
@@ -74,11 +74,11 @@ class HomeSpec(Spec):
     azimuth_deg: float | None = Field(
         default=None, ge=0.0, le=360.0, description="Where they face, 180 is south; null: see the scenario's PV [deg]."
     )
-    battery: BatterySpec = Field(default_factory=BatterySpec)
+    battery: BatterySpec = Field(default_factory=BatterySpec, description="Its battery.")
     injection_max_kw: float = Field(
         default=10.0, ge=0.0, le=1e6, description="Limit of the meter in both directions [kW]."
     )
-    load: LoadSpec = Field(default_factory=LoadSpec)
+    load: LoadSpec = Field(default_factory=LoadSpec, description="What it consumes.")
     seed: int = Field(default=0, ge=0, lt=2**63, description="Changes the home's own noise and nothing else.")
 
 

@@ -56,9 +56,9 @@ class FacilitySpec(Spec):
     name: Id
     min_kw: float = Field(default=0.0, ge=0.0, le=1e9, description="Lowest output; only the first can have one [kW].")
     max_kw: float = Field(ge=0.0, le=1e9, description="Highest output [kW].")
-    a: float = Field(default=0.0, ge=0.0, le=1e6, description="[$/kW2h]")
-    b: float = Field(ge=0.0, le=1e6, description="[$/kWh]")
-    c: float = Field(default=0.0, ge=0.0, le=1e6, description="[$/h]")
+    a: float = Field(default=0.0, ge=0.0, le=1e6, description="Cost that grows with the square of the power [$/kW²h].")
+    b: float = Field(ge=0.0, le=1e6, description="Cost of a kilowatt-hour [$/kWh].")
+    c: float = Field(default=0.0, ge=0.0, le=1e6, description="Cost of running at all [$/h].")
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
@@ -88,7 +88,10 @@ class Split(Spec):
         default=10_000, ge=1, le=10**9, description="Of a typical day: so many days from day 0 on are for evaluation."
     )
     evaluation_months: tuple[Annotated[int, Field(ge=1, le=12)], ...] | None = Field(
-        default=None, description="Of measured days: these months; null takes every so many days instead."
+        default=None,
+        min_length=1,
+        max_length=12,
+        description="Of measured days: these months; null takes every so many days instead.",
     )
     evaluation_every: int = Field(
         default=4, ge=2, le=10_000, description="Of measured days without evaluation_months: one day of so many."
@@ -120,8 +123,8 @@ class Scenario(Spec):
     )
     value_of_lost_load: float = Field(default=5.0, ge=0.0, le=1e6, description="Charge for unserved demand [$/kWh].")
     facilities: tuple[FacilitySpec, ...] = Field(min_length=1, max_length=1000, description="In order of dispatch.")
-    homes: tuple[HomeSpec, ...] = Field(default=(), max_length=100_000, description="The prosumers, one by one, or")
-    population: Population | None = Field(default=None, description="drawn from distributions.")
+    homes: tuple[HomeSpec, ...] = Field(default=(), max_length=100_000, description="The prosumers, one by one.")
+    population: Population | None = Field(default=None, description="Or the prosumers drawn from distributions.")
     fleets: int | None = Field(
         default=None,
         ge=1,

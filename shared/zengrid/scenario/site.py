@@ -43,7 +43,7 @@ _YEAR = 2023
 class Site(Spec):
     """The place of a market. Homes that do not say how their PV faces take the tilt and azimuth given here."""
 
-    latitude: float = Field(ge=-90.0, le=90.0, description="[deg]")
+    latitude: float = Field(ge=-90.0, le=90.0, description="North is positive [deg].")
     longitude: float = Field(ge=-180.0, le=180.0, description="East is positive [deg].")
     timezone: str = Field(description="IANA name, such as America/Los_Angeles.")
     altitude_m: float = Field(default=0.0, ge=-500.0, le=9000.0, description="Above the sea [m].")

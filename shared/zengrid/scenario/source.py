@@ -32,7 +32,7 @@ ContentHash = Annotated[
 class BuiltinData(Spec):
     """Profiles of one typical day that ship with zengrid."""
 
-    kind: Literal["builtin"] = "builtin"
+    kind: Literal["builtin"] = Field(default="builtin", description="Shipped with zengrid.")
     name: Literal["paper", "village"] = Field(default="paper", description="Which of the shipped profiles.")
 
     def files(self, slot_minutes: int) -> tuple[Path, ...]:
@@ -50,7 +50,7 @@ class BuiltinData(Spec):
 class CsvData(Spec):
     """A plain CSV: a time stamp, and PV and load columns with their unit."""
 
-    kind: Literal["csv"]
+    kind: Literal["csv"] = Field(description="A plain CSV.")
     path: DataPath = Field(description="The file; relative to the scenario file.")
     pv_rated_kw: float | dict[str, float] | None = Field(
         default=None, description="Rated power of the measured PV, one number or one a name [kW]."
@@ -72,7 +72,7 @@ class CsvData(Spec):
 class CityLearnData(Spec):
     """A folder of CityLearn building files."""
 
-    kind: Literal["citylearn"]
+    kind: Literal["citylearn"] = Field(description="CityLearn building files.")
     path: DataPath | None = Field(default=None, description="The folder; may be given when the scenario is loaded.")
     sha256: ContentHash = None
 
@@ -97,7 +97,7 @@ class CityLearnData(Spec):
 class CaisoData(Spec):
     """Exports of CAISO OASIS: the shape of a demand and of solar output."""
 
-    kind: Literal["caiso"]
+    kind: Literal["caiso"] = Field(description="CAISO OASIS exports.")
     load: DataPath = Field(description="CSV of the report SLD_FCST; relative to the scenario file.")
     renewables: DataPath | None = Field(default=None, description="CSV of the report SLD_REN_FCST, for PV.")
     area: str = Field(default="CA ISO-TAC", description="TAC_AREA_NAME whose demand is taken.")
