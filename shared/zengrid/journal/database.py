@@ -47,6 +47,8 @@ class Database(Protocol):
     errors: tuple[type[Exception], ...]
     """what its connections and writers raise"""
     statements: Statements
+    lasting: bool
+    """whether the connection made last, if kept, will see what others write"""
 
     def connect(self) -> Connection:
         """Open a connection; reading through one never makes a writer wait."""

@@ -99,7 +99,10 @@ class Journal:
             try:
                 if self._reader is None:
                     self._reader = self._database.connect()
-                return self._reader.execute(sql, parameters).fetchall()
+                rows = self._reader.execute(sql, parameters).fetchall()
+                if not self._database.lasting:
+                    self._drop_reader()
+                return rows
             except self._database.errors as error:
                 self._drop_reader()
                 raise JournalError(f"journal {self.name} cannot be read: {error}") from error
@@ -156,6 +159,8 @@ class Journal:
             versions = [row[0] for row in self._reader.execute(self._database.statements.schema_version).fetchall()]
         except self._database.errors as error:
             raise JournalError(f"journal {self.name} cannot be opened: {error}") from error
+        if not self._database.lasting:
+            self._drop_reader()
         if versions != [SCHEMA_VERSION]:
             raise JournalError(
                 f"journal {self.name} has schema version {', '.join(map(str, versions)) or 'none'}; this zengrid needs "

@@ -17,6 +17,8 @@ LOCK_SPACE = 0x7A656E67
 class PostgresDatabase:
     """One database. Durability ``normal`` leaves the server's ``synchronous_commit`` as it is, ``full`` turns it on."""
 
+    lasting = True
+
     def __init__(self, url: str, durability: Durability) -> None:
         try:
             import psycopg

@@ -30,6 +30,7 @@ class SqliteDatabase:
 
     def __init__(self, path: Path, durability: Durability, *, read_only: bool) -> None:
         self.name = str(path)
+        self.lasting = True
         self._path = path.absolute()
         self._inode: int | None = None
         self._mode = "ro" if read_only else "rwc"
@@ -38,13 +39,13 @@ class SqliteDatabase:
             raise JournalError(f"journal {path}: there is no such file")
         if not self._path.parent.is_dir():
             raise JournalError(f"journal {path}: there is no directory {self._path.parent}")
-        # Reading beside a log needs an index file. Where none can be made, and nobody left a log, the file is whole.
-        if read_only and not os.access(self._path.parent, os.W_OK) and not Path(f"{self._path}-wal").exists():
-            self._mode = "ro&immutable=1"
 
     def connect(self) -> sqlite3.Connection:
         """Open the file; the first connection of a writer creates it."""
-        uri = f"{self._path.as_uri()}?mode={self._mode}"
+        # Reading beside a log needs an index file; where none can be made, and there is no log, the file is whole.
+        may_index = self._mode != "ro" or os.access(self._path.parent, os.W_OK)
+        self.lasting = may_index or Path(f"{self._path}-wal").exists()
+        uri = f"{self._path.as_uri()}?mode={self._mode}{'' if self.lasting else '&immutable=1'}"
         # Each connection is used by one thread at a time: whoever holds it sees to that.
         connection = sqlite3.connect(uri, uri=True, timeout=BUSY_S, isolation_level=None, check_same_thread=False)
         connection.execute(f"PRAGMA synchronous={self._synchronous}")

@@ -199,7 +199,10 @@ import os, sys
 import zengrid.journal.sqlite
 from zengrid.journal import Journal
 os.setuid(65534)
-print(Journal.open(sys.argv[1], read_only=True).run().count())
+journal = Journal.open(sys.argv[1], read_only=True)
+print(journal.run().count(), flush=True)
+sys.stdin.readline()
+print(len(journal.runs()))
 """
     for folder in [file.parent, *file.parent.parents]:
         if folder != Path("/tmp"):
@@ -207,12 +210,20 @@ print(Journal.open(sys.argv[1], read_only=True).run().count())
         if folder.name.startswith("pytest-of"):
             break
     with Journal.open(file) as journal:
-        run = begin(journal)
-        fill(run, homes=2, count=3)
+        fill(begin(journal), homes=2, count=3)
         if not running:
             journal.close()
-        done = subprocess.run([sys.executable, "-c", script, str(file)], capture_output=True, text=True, timeout=30)
-        assert done.stdout == "3\n", done.stderr
+        with subprocess.Popen(
+            [sys.executable, "-c", script, str(file)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        ) as child:
+            assert child.stdin is not None
+            assert child.stdout is not None
+            assert child.stdout.readline() == "3\n"
+            with Journal.open(file) as again:
+                begin(again, "market-2")
+                child.stdin.write("\n")
+                child.stdin.flush()
+                assert child.stdout.readline() == "2\n"
 
 
 def test_the_clock_pays_for_nothing_it_does_not_need() -> None:
