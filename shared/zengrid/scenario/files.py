@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import yaml
 from pydantic import ValidationError
 
 from zengrid.errors import ScenarioError
-from zengrid.scenario.explain import Place, explain
 from zengrid.scenario.scenario import Scenario
 from zengrid.scenario.source import BuiltinData, content_hash
+
+if TYPE_CHECKING:
+    from zengrid.scenario.explain import Place
 
 _BUILTIN = Path(__file__).parent / "builtin"
 _Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -96,6 +98,8 @@ def loads(
     try:
         return Scenario.model_validate(fields, context={"folder": folder or Path.cwd()})
     except ValidationError as error:
+        from zengrid.scenario.explain import explain
+
         found = explain(error, fields, _lines(node)).splitlines()
         raise ScenarioError("\n".join(f"{where}, {line}" for line in found)) from None
 

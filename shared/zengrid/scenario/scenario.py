@@ -133,9 +133,9 @@ class Scenario(Spec):
     )
     consumers: tuple[ConsumerSpec, ...] = Field(default=(), max_length=10_000, description="Those who only consume.")
     site: Site | None = Field(default=None, description="Where it is, for PV that no data gives.")
-    data: Data = Field(default=BuiltinData(), description="Where the profiles come from.")
-    noise: Noise = Field(default=Noise(), description="How days differ; `off` for none.")
-    split: Split = Field(default=Split(), description="Which days are for evaluation.")
+    data: Data = Field(default_factory=BuiltinData, description="Where the profiles come from.")
+    noise: Noise = Field(default_factory=Noise, description="How days differ; `off` for none.")
+    split: Split = Field(default_factory=Split, description="Which days are for evaluation.")
 
     @field_validator("noise", mode="before")
     @classmethod

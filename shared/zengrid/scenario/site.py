@@ -7,7 +7,6 @@ short formula.
 
 from __future__ import annotations
 
-import hashlib
 import math
 import os
 import warnings
@@ -89,6 +88,8 @@ def clear_sky(site: Site, dates: Sequence[tuple[int, int]] | None = None) -> Flo
 
 def sky_file(site: Site, dates: Sequence[tuple[int, int]] | None) -> str:
     """Name under which a clear sky is kept."""
+    import hashlib
+
     days = site.date if dates is None else ",".join(f"{month:02d}-{day:02d}" for month, day in dates)
     span = days if len(days) == len("04-15") else hashlib.sha256(days.encode()).hexdigest()[:16]
     place = f"{site.latitude:.4f}_{site.longitude:.4f}_{site.altitude_m:.0f}m_{site.timezone.replace('/', '-')}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -156,6 +155,8 @@ def read_profiles(data: BuiltinData | CsvData | CityLearnData | CaisoData, slot_
 
 def content_hash(files: tuple[Path, ...]) -> str:
     """SHA-256 over names and bytes of files."""
+    import hashlib
+
     digest = hashlib.sha256()
     for file in files:
         content = file.read_bytes()
