@@ -10,9 +10,24 @@ from fastapi import FastAPI
 from fastapi.middleware.cors import CORSMiddleware
 
 from zengrid import __version__
-from zengrid_gateway import control, health, history, live, market, metrics, page, price, problems, prosumers, runs
+from zengrid_gateway import (
+    control,
+    health,
+    history,
+    live,
+    market,
+    metrics,
+    page,
+    policies,
+    price,
+    problems,
+    prosumers,
+    runs,
+    spawners,
+)
 from zengrid_gateway.access import READ, Access
 from zengrid_gateway.archive import Archive
+from zengrid_gateway.document import describe
 from zengrid_gateway.frames import Frames
 from zengrid_gateway.guard import Guard
 from zengrid_gateway.limits import RateLimit
@@ -46,11 +61,12 @@ def create_app(settings: Settings, access: Access) -> FastAPI:
         redoc_url=None,
         max_body_size=problems.MAX_BODY_BYTES,
     )
+    app.openapi = lambda: describe(app)  # type: ignore[method-assign] # FastAPI's own way to change it
     app.state.access = access
     app.state.origins = settings.origins
     problems.install(app)
     app.include_router(health.router)
-    for subject in (price, market, live, prosumers, history, runs, control, metrics):
+    for subject in (price, market, live, prosumers, spawners, policies, history, runs, control, metrics):
         app.include_router(subject.router, dependencies=[READ])
     app.include_router(live.socket_router)
     app.router.routes.extend(page.routes())

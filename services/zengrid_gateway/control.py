@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from typing import Any, Self
 
-from fastapi import APIRouter, Body, Response
+from fastapi import APIRouter, Response
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from zengrid.wire.codec import JSON, encode
@@ -16,10 +16,18 @@ from zengrid_gateway.problems import documented
 router = APIRouter(tags=["operation"])
 
 
+EXAMPLES: list[Any] = [
+    {"command": "pause"},
+    {"command": "resume"},
+    {"command": "step", "slots": 24},
+    {"command": "speed", "speed": 720},
+]
+
+
 class Control(BaseModel):
     """What the market shall do."""
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, json_schema_extra={"examples": EXAMPLES})
 
     command: Command
     slots: int = Field(default=1, ge=1, le=1_000_000, description="For `step`: slots to run before it stands still.")
@@ -36,21 +44,13 @@ class Control(BaseModel):
         return self
 
 
-EXAMPLES = {
-    "pause": {"value": {"command": "pause"}},
-    "resume": {"value": {"command": "resume"}},
-    "step": {"summary": "One day of hourly slots", "value": {"command": "step", "slots": 24}},
-    "speed": {"summary": "An hour in five seconds", "value": {"command": "speed", "speed": 720}},
-}
-
-
 @router.post(
     "/v1/control",
     response_model=Status,
     responses=documented("market-away", "forbidden", "refused", "too-large", "invalid"),
     dependencies=[OPERATE],
 )
-async def control(link: Link, wish: Annotated[Control, Body(openapi_examples=EXAMPLES)]) -> Response:
+async def control(link: Link, wish: Control) -> Response:
     """Pause, go on, run some slots, or change the speed; answers how the market stands then."""
     status = await link.control(wish.command, slots=wish.slots, speed=wish.speed)
     return Response(encode(status), media_type=JSON)

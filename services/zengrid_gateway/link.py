@@ -139,6 +139,10 @@ class MarketLink:
                 self._homes_until = self._loop.time() + HOMES_PERIOD_S
             return self._homes
 
+    def forget_homes(self) -> None:
+        """The homes have changed: ask again."""
+        self._homes = None
+
     async def control(self, command: Command, *, slots: int = 1, speed: float | None = None) -> Status:
         """Steer the market; how it stands then is known at once."""
         status = await self.ask(lambda client: client.control(command, slots=slots, speed=speed, homes=False))

@@ -86,6 +86,7 @@ class EventStream(Response):
 @router.get(
     "/v1/live",
     response_class=EventStream,
+    status_code=200,
     responses={
         200: {"content": {"text/event-stream": {"schema": {"type": "string"}, "example": EXAMPLE}}},
         **documented("busy", "invalid"),

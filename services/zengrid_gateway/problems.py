@@ -18,8 +18,8 @@ MAX_BODY_BYTES = 2 * 2**20
 MEDIA_TYPE = "application/problem+json"
 
 Kind = Literal[
-    "market-away", "no-slot", "busy", "unauthorized", "forbidden", "not-found", "method-not-allowed", "refused",
-    "too-large", "misdirected", "invalid", "too-many", "failed",
+    "market-away", "agent-away", "no-slot", "no-spawner", "busy", "unauthorized", "forbidden", "not-found",
+    "method-not-allowed", "refused", "too-large", "misdirected", "invalid", "too-many", "failed",
 ]  # fmt: skip
 
 CATALOGUE: Mapping[Kind, tuple[int, str, str]] = {
@@ -28,7 +28,9 @@ CATALOGUE: Mapping[Kind, tuple[int, str, str]] = {
         "The market is away",
         "run main: nobody listens at tcp/127.0.0.1:7447; the gateway goes on trying",
     ),
+    "agent-away": (503, "The agent is away", "agent = p1: has no process that could answer"),
     "no-slot": (503, "No slot is settled yet", "run main: waits for its agents"),
+    "no-spawner": (503, "Nobody can start prosumers", "run main: has no spawner; start one with: zengrid spawner"),
     "busy": (503, "Too many clients", "clients = 1000: 1000 may watch at a time; try again later"),
     "unauthorized": (401, "Who are you?", "Authorization: missing; needed: Bearer TOKEN with the role operate"),
     "forbidden": (403, "Not allowed", "role = read: this needs a token with the role operate"),
@@ -44,6 +46,8 @@ CATALOGUE: Mapping[Kind, tuple[int, str, str]] = {
 """Each kind of problem: status code, title, and an example of its detail."""
 
 
+REFUSALS: Mapping[str, Kind] = {"invalid": "invalid", "unknown": "not-found", "unavailable": "market-away"}
+"""What the other side's reasons mean here; all others are conflicts."""
 ANYWHERE: tuple[Kind, ...] = ("unauthorized", "misdirected", "too-many", "failed")
 """Problems that any request can meet."""
 
@@ -160,7 +164,8 @@ async def _http(request: Request, error: Exception) -> Response:
 async def _zengrid(request: Request, error: Exception) -> Response:
     if isinstance(error, BusError):
         return Problem("market-away", str(error)).response()
-    return Problem("refused" if isinstance(error, RefusedError) else "invalid", str(error)).response()
+    kind = REFUSALS.get(error.reason, "refused") if isinstance(error, RefusedError) else "invalid"
+    return Problem(kind, str(error)).response()
 
 
 async def _failed(request: Request, error: Exception) -> Response:

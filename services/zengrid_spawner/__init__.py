@@ -1,1 +1,1 @@
-"""The spawner: supervises prosumer processes on its machine."""
+"""The spawner: starts and supervises prosumer processes on its machine, for whoever asks over Zenoh."""

@@ -10,6 +10,9 @@ from zengrid.scenario.home import HomeSpec
 from zengrid.wire.base import AgentId, Message
 
 
+ProcessState = Literal["starting", "running", "restarting", "stopping", "given_up"]
+
+
 class SpawnRequest(Message):
     """Start a process that brings a home."""
 
@@ -30,7 +33,7 @@ class ProcessStatus(Message):
     id: AgentId
     policy: str
     pid: int | None = Field(description="Null while it waits to be started again, or was given up.")
-    state: Literal["starting", "running", "restarting", "stopping", "given_up"]
+    state: ProcessState
     restarts: int = Field(description="How often it was started again.")
     memory_mb: float = Field(description="Resident memory [MiB].")
     said: tuple[str, ...] = Field(description="Its last lines of output.")

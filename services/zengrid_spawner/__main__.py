@@ -1,0 +1,73 @@
+"""``python -m zengrid_spawner``: start and supervise prosumer processes here, for whoever asks over Zenoh."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from queue import SimpleQueue
+
+from zengrid.bus.options import add_bus_options
+from zengrid.bus.spawner import SpawnerLink
+from zengrid.errors import ZengridError
+from zengrid_spawner.service import Inbox, Spawner, say
+from zengrid_spawner.settings import Settings, default_logs, default_name
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line of the spawner."""
+    it = argparse.ArgumentParser(
+        prog="zengrid spawner", description="Start and supervise prosumer processes here, for whoever asks over Zenoh."
+    )
+    add_bus_options(it)
+    defaults = Settings()
+    it.add_argument("--name", default=default_name(), help="of this spawner (default: this machine's, %(default)s)")
+    it.add_argument("--limit", type=int, default=defaults.limit, help="most processes (default: %(default)s)")
+    it.add_argument(
+        "--memory",
+        type=float,
+        default=defaults.memory_mb,
+        metavar="MIB",
+        help="most memory of all (default: %(default)g)",
+    )
+    it.add_argument(
+        "--process-memory",
+        type=float,
+        default=defaults.process_memory_mb,
+        metavar="MIB",
+        help="a process that takes more is killed and started again (default: %(default)g)",
+    )
+    it.add_argument("--logs", type=Path, default=default_logs(), metavar="FOLDER", help="(default: %(default)s)")
+    it.add_argument(
+        "--policies", type=Path, metavar="FOLDER", help="policy files that prosumers may play, beside rules"
+    )
+    return it
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Serve until a signal asks to stop."""
+    options = parser().parse_args(arguments)
+    settings = Settings(
+        name=options.name,
+        run=options.run,
+        endpoint=options.connect,
+        limit=options.limit,
+        memory_mb=options.memory,
+        process_memory_mb=options.process_memory,
+        logs=options.logs,
+        policies=options.policies,
+    )
+    try:
+        settings.logs.mkdir(parents=True, exist_ok=True)
+        inbox: Inbox = SimpleQueue()
+        with SpawnerLink(settings.name, settings.run, settings.endpoint, on_event=inbox.put):
+            say(f"{settings.name} starts up to {settings.limit} prosumers in run {settings.run} at {settings.endpoint}")
+            Spawner(settings, inbox).serve()
+    except (ZengridError, OSError) as error:
+        sys.stderr.write(f"zengrid spawner: {error}\n")
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,64 @@
+"""What a spawner is started with, and what it lets its prosumers play."""
+
+from __future__ import annotations
+
+import os
+import re
+import socket
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from zengrid.bus.keys import DEFAULT_RUN
+from zengrid.bus.session import DEFAULT_ENDPOINT
+from zengrid.errors import PolicyError
+from zengrid.policy.registry import PROSUMER_POLICIES
+
+
+def default_name() -> str:
+    """This machine's name, as a key may hold it."""
+    name = re.sub(r"[^a-z0-9_-]+", "-", socket.gethostname().lower()).strip("-_")[:63]
+    return name or "spawner"
+
+
+def default_logs() -> Path:
+    """Where processes write unless told otherwise."""
+    state = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
+    return Path(state) / "zengrid" / "spawner"
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """One spawner."""
+
+    name: str = field(default_factory=default_name)
+    run: str = DEFAULT_RUN
+    endpoint: str = DEFAULT_ENDPOINT
+    limit: int = 64
+    """Most processes."""
+    memory_mb: float = 8192.0
+    """Most memory of all processes together. [MiB]"""
+    process_memory_mb: float = 512.0
+    """A process that takes more is killed, and started again. [MiB]"""
+    logs: Path = field(default_factory=default_logs)
+    policies: Path | None = None
+    """Folder of policy files that prosumers may play."""
+
+    def known_policies(self) -> tuple[str, ...]:
+        """What prosumers here can play: rules, and the files of the folder."""
+        files = () if self.policies is None else sorted(path.name for path in self.policies.glob("*.safetensors"))
+        return (*PROSUMER_POLICIES, *files)
+
+    def policy(self, name: str) -> str:
+        """What an agent is told to play.
+
+        Raises
+        ------
+        PolicyError
+            Neither a rule nor one of the folder's files: a request reaches no other file.
+        """
+        known = self.known_policies()
+        if name in known and self.policies is not None and name not in PROSUMER_POLICIES:
+            return str(self.policies / name)
+        if "/" not in name and name.partition(":")[0] in PROSUMER_POLICIES:
+            return name
+        raise PolicyError(f"policy = {name}: this spawner knows {', '.join(known)}")
