@@ -19,6 +19,8 @@ from zengrid.wire.requests import (
     LeaveReply,
     LeaveRequest,
     RefusalReason,
+    ScenarioReply,
+    ScenarioRequest,
 )
 from zengrid_clock.records import roster_record, settled_slot
 from zengrid_clock.roster import GRID, RESERVED, Agent
@@ -197,6 +199,11 @@ class Desk:
         elif wish.command == "stop":
             pace.end()
         return encode(status(self.clock, homes=wish.homes))
+
+    def told_scenario(self, payload: bytes) -> bytes:
+        """What is played; runs beside the market, like ``history``."""
+        decode(ScenarioRequest, payload)
+        return encode(ScenarioReply(run=self.clock.hub.keys.run, yaml=self.clock.scenario.dump()))
 
     def history(self, payload: bytes) -> bytes:
         """Settled slots from a position on; runs beside the market, in a thread of its own."""

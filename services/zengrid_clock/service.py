@@ -81,7 +81,8 @@ class Clock:
         """Wait for the agents, run the slots, say goodbye."""
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: self.pace.end())
-        self.hub.serve_history(self.desk.history)
+        self.hub.serve_beside(self.hub.keys.history, self.desk.history)
+        self.hub.serve_beside(self.hub.keys.scenario, self.desk.told_scenario)
         self.hub.announce()
         self._gather()
         while self._wait_for_slot():
@@ -123,10 +124,14 @@ class Clock:
     def _say_goodbye(self) -> None:
         """Tell everyone that it is over, with the last rewards."""
         self._publish_last()
+        if self.market.last is not None:
+            none = np.zeros(len(self.market.homes))
+            nothing = Exogenous(none, none, np.zeros(0), np.zeros(()))
+            self.observer.look(Moment(self.day, self.slot, "battery"), nothing, 0.0, self.pace.deadline_s, end=True)
         for agent in self.roster:
             if agent.presence != "away":
                 send = self.hub.observe if agent.presence == "present" else self.hub.offer
-                send(agent.id, *self.observer.farewell(agent, self.day, self.slot))
+                send(agent.id, *self.observer.tell(agent))
         if self.settings.days is not None and self.day >= self.settings.days:
             self.run.finish()
 
@@ -194,26 +199,21 @@ class Clock:
     def _open(self, phase: Any, agents: list[Agent], exogenous: Exogenous) -> Barrier[Any]:
         """Send everyone its observation and start waiting."""
         moment = Moment(self.day, self.slot, phase)
-        deadline_s = self.pace.deadline_s
+        self.observer.look(moment, exogenous, self.buy_price, self.pace.deadline_s)
         present, absent = [], []
         for agent in agents:
             presence = agent.presence
             if presence == "present":
                 present.append(agent)
-                self.hub.observe(agent.id, *self._sight(agent, moment, exogenous, deadline_s))
+                self.hub.observe(agent.id, *self.observer.tell(agent))
             elif presence == "absent":
                 absent.append(agent)
                 now = time.monotonic()
                 if agent.offered is None or now >= agent.offered[1] + OFFER_INTERVAL_S:
                     agent.offered = moment, now
-                    self.hub.offer(agent.id, *self._sight(agent, moment, exogenous, deadline_s))
+                    self.hub.offer(agent.id, *self.observer.tell(agent))
         waited = [agent.id for agent in present]
         return Barrier(moment, waited + [agent.id for agent in absent], waited)
-
-    def _sight(self, agent: Agent, moment: Moment, exogenous: Exogenous, deadline_s: float) -> tuple[bytes, str]:
-        if moment.phase == "price":
-            return self.observer.grid(agent, moment, exogenous, deadline_s)
-        return self.observer.fleet(agent, moment, exogenous, self.buy_price, deadline_s)
 
     def _collect(self, barrier: Barrier[Any]) -> None:
         """Take events until nobody is waited for, or the deadline has passed."""

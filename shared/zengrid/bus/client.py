@@ -20,6 +20,8 @@ from zengrid.wire.requests import (
     PolicyReply,
     PolicyRequest,
     Refusal,
+    ScenarioReply,
+    ScenarioRequest,
     Status,
 )
 from zengrid.wire.slots import PublicSlot
@@ -84,6 +86,10 @@ class Client:
         """Settled slots from a position on."""
         wish = HistoryRequest(since=since, limit=limit, homes=homes)
         return request(self.session, self.keys.history, wish, HistoryReply, self.timeout_s)
+
+    def scenario(self) -> str:
+        """The scenario that the market plays, as YAML."""
+        return request(self.session, self.keys.scenario, ScenarioRequest(), ScenarioReply, self.timeout_s).yaml
 
     def ask_policy(self, agent: str, wish: PolicyRequest) -> PolicyReply:
         """What an agent would do."""

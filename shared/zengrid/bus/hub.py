@@ -176,8 +176,8 @@ class Hub:
             if self._latest:
                 query.reply(self.keys.slot, self._latest, encoding=JSON)
 
-    def serve_history(self, answer: Callable[[bytes], bytes]) -> None:
-        """Answer history questions in a thread of their own, so that long ranges never hold up the market."""
+    def serve_beside(self, key: str, answer: Callable[[bytes], bytes]) -> None:
+        """Answer questions in a thread of their own, so that long ones never hold up the market."""
 
         def on_query(item: zenoh.Query) -> None:
             query = Query(item)
@@ -188,4 +188,4 @@ class Hub:
             except Exception as error:  # noqa: BLE001 - the asker must get an answer, whatever went wrong
                 query.refuse("unavailable", f"{type(error).__name__}: {error}")
 
-        self._declared.append(self._session.declare_queryable(self.keys.history, on_query, complete=True))
+        self._declared.append(self._session.declare_queryable(key, on_query, complete=True))

@@ -22,6 +22,7 @@ class Keys:
         self.leave = f"{base}/clock/leave"
         self.control = f"{base}/clock/control"
         self.history = f"{base}/clock/history"
+        self.scenario = f"{base}/clock/scenario"
         self.actions = f"{base}/agent/*/action"
         self.alive_all = f"{base}/agent/*/alive"
         self.anyone_alive = f"{base}/**/alive"

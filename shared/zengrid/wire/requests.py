@@ -188,6 +188,17 @@ class HistoryReply(Message):
     slots: tuple[SettledSlot, ...]
 
 
+class ScenarioRequest(Message):
+    """Asks for the scenario that the market plays."""
+
+
+class ScenarioReply(Message):
+    """The complete scenario, as a file would hold it."""
+
+    run: RunName
+    yaml: str
+
+
 class PolicyRequest(Message):
     """Asks an agent what it would do. Give either raw observation vectors or named quantities through the gateway."""
 

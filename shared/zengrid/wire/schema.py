@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from zengrid.wire import requests, slots
+from zengrid.wire import requests, slots, spawner
 from zengrid.wire.base import Message
 from zengrid.wire.codec import JSON
 
@@ -62,6 +62,28 @@ CHANNELS = (
         (requests.HistoryRequest,),
         (requests.HistoryReply,),
     ),
+    Channel(
+        "scenario",
+        "clock/scenario",
+        "Operators read what the market plays.",
+        (requests.ScenarioRequest,),
+        (requests.ScenarioReply,),
+    ),
+    Channel(
+        "spawn",
+        "spawner/{id}/spawn",
+        "The gateway has a prosumer process started.",
+        (spawner.SpawnRequest,),
+        (spawner.ProcessStatus,),
+    ),
+    Channel("stop", "spawner/{id}/stop", "And ended.", (spawner.StopRequest,), (spawner.StopReply,)),
+    Channel(
+        "spawner",
+        "spawner/{id}/status",
+        "A spawner tells how it stands; asked with `*` for an id, all do.",
+        (spawner.SpawnerRequest,),
+        (spawner.SpawnerStatus,),
+    ),
 )
 """Every channel with its messages. Queries may be refused with a `Refusal` as Zenoh error reply."""
 
@@ -86,7 +108,7 @@ def asyncapi() -> dict[str, Any]:
             "address": f"zengrid/@v1/{{run}}/{channel.address}",
             "description": channel.says,
             "parameters": {
-                name: {"description": f"Name of the {'run' if name == 'run' else 'agent'}."}
+                name: {"description": f"Name of the {'run' if name == 'run' else channel.address.partition('/')[0]}."}
                 for name in ("run", "id")
                 if name == "run" or "{id}" in channel.address
             },

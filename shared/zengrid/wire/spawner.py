@@ -9,7 +9,6 @@ from pydantic import Field
 from zengrid.scenario.home import HomeSpec
 from zengrid.wire.base import AgentId, Message
 
-
 ProcessState = Literal["starting", "running", "restarting", "stopping", "given_up"]
 
 
