@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from types import TracebackType
 from typing import NamedTuple, Self
@@ -12,7 +13,7 @@ from zenoh import handlers
 from zengrid.bus.client import request
 from zengrid.bus.keys import Keys
 from zengrid.bus.session import DEFAULT_ENDPOINT, open_client
-from zengrid.errors import ZengridError
+from zengrid.errors import BusError, ZengridError
 from zengrid.wire.codec import JSON, decode, encode
 from zengrid.wire.requests import JoinReply, JoinRequest, LeaveReply, LeaveRequest, PolicyReply, PolicyRequest, Refusal
 
@@ -33,6 +34,7 @@ class AgentLink:
     def __init__(self, agent: str, run: str, endpoint: str = DEFAULT_ENDPOINT, *, timeout_s: float = 30.0) -> None:
         self.agent = agent
         self.keys = Keys(run)
+        self.timeout_s = timeout_s
         self._session = open_client(endpoint, timeout_s=timeout_s)
         self._token: zenoh.LivelinessToken | None = None
         try:
@@ -61,7 +63,23 @@ class AgentLink:
 
     def join(self, wish: JoinRequest, timeout_s: float = 10.0) -> JoinReply:
         """Take part; raises RefusedError with the clock's reason. Joining again with the same instance is harmless."""
+        self._await_clock()
         return request(self._session, self.keys.join, wish, JoinReply, timeout_s)
+
+    def _await_clock(self) -> None:
+        """Wait for the clock's token: a clock listens for a while before it answers, and asking then finds nobody."""
+        answers = threading.Event()
+
+        def changed(sample: zenoh.Sample) -> None:
+            if sample.kind == zenoh.SampleKind.PUT:
+                answers.set()
+
+        watching = self._session.liveliness().declare_subscriber(
+            self.keys.clock_alive, handlers.Callback(changed, indirect=False), history=True
+        )
+        if not answers.wait(self.timeout_s):
+            raise BusError(f"run = {self.keys.run}: its clock is not ready after {self.timeout_s:g} s")
+        watching.undeclare()
 
     def ready(self) -> None:
         """Show that this agent answers from now on: the last thing to do before ``receive``."""

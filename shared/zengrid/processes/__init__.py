@@ -4,6 +4,6 @@ from __future__ import annotations
 
 from zengrid.processes.signals import Signals
 from zengrid.processes.spec import ProcessSpec, Restarts
-from zengrid.processes.supervisor import Event, EventKind, Supervisor
+from zengrid.processes.supervisor import Event, EventKind, Supervisor, describe
 
-__all__ = ["Event", "EventKind", "ProcessSpec", "Restarts", "Signals", "Supervisor"]
+__all__ = ["Event", "EventKind", "ProcessSpec", "Restarts", "Signals", "Supervisor", "describe"]

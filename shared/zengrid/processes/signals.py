@@ -27,11 +27,9 @@ class Signals:
             pass
         signal.pthread_sigmask(signal.SIG_SETMASK, self._before)
 
-    def wait(self, timeout_s: float | None) -> signal.Signals | None:
-        """The signal that asks to end, or None once a child has ended or the time is up (None: whenever that is)."""
-        if timeout_s is None:
-            number = signal.sigwaitinfo(self._taken).si_signo
-        else:
-            taken = signal.sigtimedwait(self._taken, max(timeout_s, 0.0))
-            number = signal.SIGCHLD if taken is None else taken.si_signo
-        return None if number == signal.SIGCHLD else signal.Signals(number)
+    def wait(self, timeout_s: float) -> signal.Signals | None:
+        """The signal that asks to end, or None once a child has ended or the time is up."""
+        taken = signal.sigtimedwait(self._taken, max(timeout_s, 0.0))
+        if taken is None or taken.si_signo == signal.SIGCHLD:
+            return None
+        return signal.Signals(taken.si_signo)

@@ -20,7 +20,7 @@ _APPEND = os.O_WRONLY | os.O_CREAT | os.O_APPEND
 def fork(spec: ProcessSpec, arguments: Sequence[str]) -> int:
     """Start it as a copy of this process: in a few milliseconds, sharing the memory of all that is imported.
 
-    Only for a process without threads that has opened no Zenoh session: neither survives a fork. As with ``spawn``, only
+    Only for a process without threads that has opened no Zenoh session: neither survives a fork. Like ``spawn``, only
     from the main thread: the new process ends with the thread that started it.
     """
     from zengrid.processes.child import become

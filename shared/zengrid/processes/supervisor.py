@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import time
@@ -11,10 +12,12 @@ from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, Self
 
 from zengrid.processes.log import bound, end_of, tail
+from zengrid.processes.signals import Signals
 from zengrid.processes.spec import ProcessSpec
 from zengrid.processes.start import Start, fork
 
-EventKind = Literal["started", "ended", "failed", "gave_up"]
+EventKind = Literal["started", "ended", "failed", "gave_up", "hopeless"]
+"""``failed``: it will be started again; ``gave_up``: it will not; ``hopeless``: nor would it help."""
 
 KILL_AFTER_S = 3.0
 """How long a process that was asked to end may take. [s]"""
@@ -68,6 +71,7 @@ class Supervisor:
         self._start = start
         self._now = now
         self._processes: dict[str, _Process] = {}
+        self._restarting = True
         self._logs_due = 0.0
 
     def __enter__(self) -> Self:
@@ -93,6 +97,12 @@ class Supervisor:
         if process.pid is not None and process.kill_at is None:
             process.kill_at = self._now() + within_s
             self._signal(process, signal.SIGTERM)
+
+    def release(self) -> None:
+        """From now on processes may end as they like: none is started again."""
+        self._restarting = False
+        for process in self._processes.values():
+            process.restart_at = None
 
     def kill(self) -> None:
         """End everything at once and wait for it."""
@@ -129,6 +139,25 @@ class Supervisor:
 
     # ---------------------------------------------------------------- what it does by itself
 
+    def look_after(
+        self, signals: Signals, names: Iterable[str] | None = None, within_s: float = math.inf
+    ) -> signal.Signals | None:
+        """Look after all processes until none of the given ones is alive, the time is up, or a signal asks to end.
+
+        Returns
+        -------
+        signal.Signals or None
+            The signal, if that is what ended it.
+        """
+        until = self._now() + within_s
+        while True:
+            wait_s = self.poll()
+            left_s = until - self._now()
+            if not self.alive(names) or left_s <= 0:
+                return None
+            if (asked := signals.wait(min(wait_s, left_s))) is not None:
+                return asked
+
     def poll(self) -> float:
         """Take note of processes that ended; start and kill those that are due.
 
@@ -144,7 +173,7 @@ class Supervisor:
             if process.restart_at is not None and process.restart_at <= now:
                 self._run(process)
             if process.pid is not None and process.kill_at is not None and process.kill_at <= now:
-                process.kill_at = float("inf")
+                process.kill_at = math.inf
                 self._signal(process, signal.SIGKILL)
         if now >= self._logs_due:
             self._bound_logs()
@@ -173,7 +202,7 @@ class Supervisor:
     def _ended(self, process: _Process, code: int) -> None:
         spec, now = process.spec, self._now()
         process.pid, process.code = None, code
-        if code == 0 or process.kill_at is not None:
+        if code == 0 or process.kill_at is not None or not self._restarting:
             self._tell(Event(spec.name, "ended", f"{spec.name}: {describe(code)}"))
             return
         hopeless = process.starts == 1 and code > 0 and now - process.started < spec.restarts.hopeless_s
@@ -185,9 +214,12 @@ class Supervisor:
         failures.append(now)
         while failures[0] < now - restarts.window_s:
             failures.popleft()
-        if hopeless or len(failures) >= restarts.limit:
-            often = "" if hopeless else f", {len(failures)} failures within {restarts.window_s:g} s"
-            self._tell(Event(name, "gave_up", f"{name}: {how}{often}; given up"))
+        if hopeless:
+            self._tell(Event(name, "hopeless", f"{name}: {how}"))
+            return
+        if len(failures) >= restarts.limit:
+            often = f"{len(failures)} failures within {restarts.window_s:g} s"
+            self._tell(Event(name, "gave_up", f"{name}: {how}, {often}; given up"))
             return
         wait_s = restarts.wait_s(len(failures))
         process.restart_at = now + wait_s
@@ -206,7 +238,9 @@ class Supervisor:
 
 def describe(code: int) -> str:
     """``exit code 1``, or the signal that killed it."""
-    if code >= 0:
+    if code == 0:
+        return "done"
+    if code > 0:
         return f"exit code {code}"
     try:
         return f"killed by {signal.Signals(-code).name}"

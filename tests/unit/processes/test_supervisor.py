@@ -127,7 +127,7 @@ def test_a_process_that_keeps_failing_is_given_up_and_quoted(house: House) -> No
 def test_an_exception_ends_up_in_the_log(house: House) -> None:
     house.start("broken", restarts=Restarts(hopeless_s=10.0))
     house.until(lambda: not house.supervisor.alive())
-    assert house.kinds("broken") == ["started", "gave_up"]
+    assert house.kinds("broken") == ["started", "hopeless"]
     assert house.supervisor.last_words("broken")[-1] == "ZeroDivisionError: division by zero"
 
 
@@ -191,6 +191,33 @@ def test_stopping_one_that_waits_to_be_started_again(house: House) -> None:
     assert house.supervisor.alive() == []
 
 
+def test_released_processes_may_fail(house: House) -> None:
+    house.start("bad", restarts=Restarts(first_s=1000.0, longest_s=1000.0))
+    house.start("patient")
+    house.until(lambda: "failed" in house.kinds("bad") and "ready" in house.log("patient"))
+    house.supervisor.release()
+    assert house.supervisor.alive() == ["patient"]
+    pid = house.supervisor.pid("patient")
+    assert pid is not None
+    os.kill(pid, signal.SIGKILL)
+    house.until(lambda: not house.supervisor.alive())
+    assert house.kinds("patient") == ["started", "ended"]
+
+
+def test_it_is_looked_after_until_the_time_is_up(house: House) -> None:
+    house.start("patient")
+    assert house.supervisor.look_after(house.signals, within_s=0.01) is None
+    assert house.supervisor.alive() == ["patient"]
+
+
+def test_it_is_looked_after_until_those_that_matter_have_ended(house: House) -> None:
+    house.start("patient")
+    house.start("twice")
+    assert house.supervisor.look_after(house.signals, ["twice"], within_s=DEADLINE_S) is None
+    assert house.supervisor.alive() == ["patient"]
+    assert house.supervisor.code("twice") == 3
+
+
 def test_leaving_the_block_leaves_nobody(start: Start, tmp_path: Path) -> None:
     house = House(start, tmp_path)
     with house.signals, house.supervisor:
@@ -202,8 +229,9 @@ def test_leaving_the_block_leaves_nobody(start: Start, tmp_path: Path) -> None:
 
 
 def test_signals_that_ask_to_end_reach_the_supervisor(house: House) -> None:
+    house.start("patient")
     os.kill(os.getpid(), signal.SIGINT)
-    assert house.until(lambda: False) is signal.SIGINT
+    assert house.supervisor.look_after(house.signals, within_s=DEADLINE_S) is signal.SIGINT
 
 
 def test_no_process_outlives_a_supervisor_that_is_killed(start: Start, tmp_path: Path) -> None:

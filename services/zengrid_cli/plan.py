@@ -1,0 +1,110 @@
+"""Which processes make up a market on this machine, and how each is started."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from zengrid.processes import ProcessSpec, Restarts
+
+if TYPE_CHECKING:
+    from zengrid.scenario import Scenario
+
+CLOCK, GRID, GATEWAY, TABLE = "clock", "grid", "gateway", "table"
+"""Names of processes. A home may be called like one of them: prosumers have a prefix of their own."""
+
+HOPELESS_S = 10.0
+"""An error so soon after a first start is the user's to mend: a wrong path, an unknown policy, a journal in use. [s]"""
+BINARY_HOMES = 16
+"""Fleets from this size on use the compact encoding."""
+
+
+def prosumer_name(agent: str) -> str:
+    """The name of a prosumer's process."""
+    return f"prosumer {agent}"
+
+
+class Plan:
+    """The processes of ``zengrid up``.
+
+    Parameters
+    ----------
+    options:
+        The command line, see ``zengrid_cli.options.up_parser``.
+    endpoint:
+        Where the clock listens.
+    """
+
+    def __init__(self, options: argparse.Namespace, endpoint: str) -> None:
+        self.options = options
+        self.endpoint = endpoint
+        self.folder: Path = options.logs / options.run
+        self.events = self.folder / "events.log"
+        self._bus = ("--connect", endpoint, "--run", options.run)
+
+    def clock(self) -> ProcessSpec:
+        """The clock; started again, it goes on where its journal ends."""
+        it = self.options
+        words = [it.scenario, "--listen", self.endpoint, "--run", it.run, "--journal", it.journal]
+        words += ["--deadline", str(it.deadline), "--speed", f"{it.speed!r}x" if it.speed else "max"]
+        words += ["--durability", it.durability, "--soc-reset", it.soc_reset]
+        for option in ("data", "seed", "days"):
+            value = getattr(it, option)
+            if value is not None:
+                words += [f"--{option}", str(value)]
+        words += [f"--{flag}" for flag in ("paused", "insecure", "resume") if getattr(it, flag)]
+        again = () if it.resume else ("--resume",)
+        return self._spec(CLOCK, "zengrid_clock", words, again=again)
+
+    def agents(self, scenario: Scenario) -> list[ProcessSpec]:
+        """The grid agent and one process per prosumer agent, be it a home or a fleet."""
+        it = self.options
+        grid = _policy(it.grid_policy)
+        specs = [self._spec(GRID, "zengrid_agent", ["grid", *self._bus, *grid])]
+        policy = _policy(it.policy)
+        for agent in scenario.agents:
+            words = ["prosumer", "--id", agent.id, *self._bus, *policy]
+            if len(agent.homes) >= BINARY_HOMES:
+                words += ["--encoding", "binary"]
+            specs.append(self._spec(prosumer_name(agent.id), "zengrid_agent", words))
+        return specs
+
+    def gateway(self, port: int) -> ProcessSpec:
+        """The web page; it waits for the market, whose start it would only slow down."""
+        words = [self.endpoint, self.options.run, "zengrid_gateway", *self._bus, "--port", str(port)]
+        return self._spec(
+            GATEWAY, "zengrid_cli.after_first_slot", [*words, "--journal", self.options.journal], restarts=Restarts()
+        )
+
+    def table(self, page: str | None, *, live: bool) -> ProcessSpec:
+        """What is shown while the market runs, in a process of its own: it opens a session, the supervisor must not."""
+        words = [*self._bus, "--events", str(self.events), *(("--page", page) if page else ())]
+        if not live:
+            words.append("--plain")
+        restarts = Restarts(limit=3)
+        return ProcessSpec(TABLE, "zengrid_cli.top", tuple(words), title="zengrid top", restarts=restarts)
+
+    def _spec(
+        self,
+        name: str,
+        module: str,
+        words: Iterable[str],
+        *,
+        again: tuple[str, ...] = (),
+        restarts: Restarts | None = None,
+    ) -> ProcessSpec:
+        return ProcessSpec(
+            name,
+            module,
+            tuple(words),
+            title=f"zengrid {name}",
+            again=again,
+            log=self.folder / f"{name.replace(' ', '-')}.log",
+            restarts=restarts or Restarts(hopeless_s=HOPELESS_S),
+        )
+
+
+def _policy(spec: str | None) -> tuple[str, ...]:
+    return () if spec is None else ("--policy", spec)

@@ -1,0 +1,74 @@
+"""What the live table lists: one row a home, or one an agent where there are too many."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zengrid.wire.requests import AgentStatus, HomesStatus, Status
+
+Presence = Literal["present", "absent", "away"]
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One home, or the homes of one agent added up."""
+
+    name: str
+    homes: int
+    soc: float | None
+    """Stored energy as part of the capacity; None without a battery [-]"""
+    battery_kw: float
+    pv_kw: float
+    load_kw: float
+    bill: float
+    """[$]"""
+    conventional_bill: float
+    """[$]"""
+    presence: Presence
+    policy: str
+    fallbacks: int
+
+
+def rows(status: Status, homes: HomesStatus, limit: int) -> tuple[list[Row], Row]:
+    """The rows to show, and all homes added up.
+
+    Homes are listed one by one if they fit. Otherwise agents are; of more agents than fit those that are not present
+    come first, then those that gain most.
+    """
+    agents = {agent.id: agent for agent in status.agents}
+    index = np.arange(len(homes.homes))
+    total = _row("all", index, homes, None)
+    if len(homes.homes) <= limit:
+        return [_row(homes.homes[i], index[i : i + 1], homes, agents.get(homes.agents[i])) for i in index], total
+    members: dict[str, list[int]] = {}
+    for i, agent in enumerate(homes.agents):
+        members.setdefault(agent, []).append(i)
+    listed = [_row(name, np.array(mine), homes, agents.get(name)) for name, mine in members.items()]
+    if len(listed) > limit:
+        listed.sort(key=lambda row: (row.presence == "present", row.bill - row.conventional_bill))
+    return listed[: max(limit, 0)], total
+
+
+def _row(name: str, mine: NDArray[np.int64], homes: HomesStatus, agent: AgentStatus | None) -> Row:
+    def total(column: NDArray[np.float64]) -> float:
+        return float(column[mine].sum())
+
+    capacity = total(homes.capacity_kwh)
+    stored = float((homes.soc[mine] * homes.capacity_kwh[mine]).sum())
+    return Row(
+        name=name,
+        homes=len(mine),
+        soc=stored / capacity if capacity > 0 else None,
+        battery_kw=total(homes.battery_kw),
+        pv_kw=total(homes.pv_kw),
+        load_kw=total(homes.load_kw),
+        bill=total(homes.bill),
+        conventional_bill=total(homes.conventional_bill),
+        presence="away" if agent is None else agent.presence,
+        policy="" if agent is None else agent.policy,
+        fallbacks=0 if agent is None else agent.fallbacks,
+    )

@@ -1,0 +1,165 @@
+"""``zengrid up``: a whole market on this machine, started, supervised, shown and ended cleanly."""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import shlex
+import sys
+import time
+from collections.abc import Sequence
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from zengrid.processes import Event, Signals, Supervisor, describe
+from zengrid_cli.endpoint import choose_endpoint, choose_http_port
+from zengrid_cli.options import HTTP_PORT, up_parser
+from zengrid_cli.plan import CLOCK, GATEWAY, TABLE, Plan
+
+if TYPE_CHECKING:
+    from zengrid.scenario import Scenario
+
+SHARED = ("zengrid.bus.agent", "zengrid.policy.registry")
+"""Loaded before anything is forked."""
+OF_AGENTS = ("zengrid_agent.grid", "zengrid_agent.prosumer")
+"""Loaded while the clock gets ready; by name, since services do not know each other."""
+
+LEAVE_S = 3.0
+"""How long agents may take to leave by themselves once the market is over. [s]"""
+
+
+class Local:
+    """A market on this machine.
+
+    This process only supervises: it has no threads and opens no Zenoh session, since neither survives the forks by
+    which agents are started, at the beginning and whenever one of them has died.
+    """
+
+    def __init__(self, options: argparse.Namespace) -> None:
+        self.options = options
+        self.plan = Plan(options, choose_endpoint(options.listen))
+        self.port = None if options.no_http else choose_http_port(options.http, HTTP_PORT)
+        self.live = sys.stdout.isatty() and not (options.plain or options.quiet)
+        self.plan.folder.mkdir(parents=True, exist_ok=True)
+        self.plan.events.write_text("")
+        self.supervisor = Supervisor(self._note)
+        self.signals = Signals()
+        self.trouble: str | None = None
+        """Why the market ended before its time."""
+
+    def run(self) -> int:
+        """Run the market until it is over; returns the exit code."""
+        with self.signals, self.supervisor:
+            self._start()
+            return self._watch()
+
+    # ---------------------------------------------------------------- its life
+
+    def _start(self) -> None:
+        # What all need is loaded once and shared, then they are forked: the clock first, since it needs longest.
+        scenario = self._load()
+        # Without this the first collection in each process would copy all the memory they share.
+        gc.freeze()
+        self.supervisor.start(self.plan.clock())
+        for module in OF_AGENTS:
+            import_module(module)
+        gc.freeze()
+        for spec in self.plan.agents(scenario):
+            self.supervisor.start(spec)
+        if not self.options.quiet:
+            page = None if self.port is None else f"http://127.0.0.1:{self.port}"
+            self.supervisor.start(self.plan.table(page, live=self.live))
+        if self.port is not None:
+            self.supervisor.start(self.plan.gateway(self.port))
+
+    def _load(self) -> Scenario:
+        for module in SHARED:
+            import_module(module)
+        from zengrid.scenario import load
+        from zengrid.wire import requests, slots
+
+        for message in (
+            requests.JoinRequest, requests.JoinReply, slots.GridObservation, slots.GridAction, slots.FleetObservation,
+            slots.FleetAction,
+        ):  # fmt: skip
+            message.model_rebuild()
+        return load(self.options.scenario, data=self.options.data, seed=self.options.seed)
+
+    def _watch(self) -> int:
+        """Look after everything until the market is over."""
+        if self.supervisor.look_after(self.signals, [CLOCK]) is not None:
+            self.supervisor.release()
+            # The clock settles the slot it is in, and tells everybody that the market is over.
+            self.supervisor.stop(CLOCK, within_s=2.0 * self.options.deadline + LEAVE_S)
+            if self.supervisor.look_after(self.signals, [CLOCK]) is not None:
+                self.trouble = "ended at once, as asked for a second time"
+                return 130
+        code = self.supervisor.code(CLOCK)
+        if code != 0 and self.trouble is None:
+            self.trouble = f"clock: {describe(code or 0)}"
+        self._dismiss(told=code == 0)
+        return 0 if self.trouble is None else 1
+
+    def _dismiss(self, *, told: bool) -> None:
+        """Agents that were told of the end leave by themselves; all others are asked to."""
+        self.supervisor.release()
+        for name in self.supervisor.alive((TABLE, GATEWAY)):
+            self.supervisor.stop(name)
+        if told and self.supervisor.look_after(self.signals, within_s=LEAVE_S) is not None:
+            return
+        for name in self.supervisor.alive():
+            self.supervisor.stop(name)
+        self.supervisor.look_after(self.signals)
+
+    # ---------------------------------------------------------------- what it says
+
+    def _note(self, event: Event) -> None:
+        """Write down what happens to processes, end the market where it must, and tell where no table does."""
+        failed = event.kind in ("failed", "gave_up", "hopeless") or (self.supervisor.code(event.name) or 0) > 0
+        words = self.supervisor.last_words(event.name) if failed else []
+        text = f"{event.text} ({words[-1]})" if words else event.text
+        if event.kind == "started" and "again" not in event.text:
+            return
+        with self.plan.events.open("a", encoding="utf-8") as log:
+            log.write(f"{time.strftime('%H:%M:%S')} {text}\n")
+        if event.kind == "hopeless":
+            # Nothing runs that could be saved: say what is wrong instead of running a market without this process.
+            self.trouble = self.trouble or "\n  ".join(words[-1:] if len(words) == 1 else [event.text, *words])
+            self.supervisor.stop(CLOCK)
+        elif event.kind == "gave_up" and event.name == CLOCK:
+            self.trouble = "\n  ".join([event.text, *words])
+        elif failed and not (self.live and self.supervisor.alive([TABLE])):
+            say(text)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run a market; returns the exit code."""
+    started = time.time() - _age_s()
+    options = up_parser().parse_args(arguments)
+    local = Local(options)
+    code = local.run()
+    if local.live:
+        # A table that was killed leaves the cursor hidden.
+        sys.stdout.write("\x1b[?25h")
+    if code != 130:
+        from zengrid_cli.summary import print_summary
+
+        print_summary(options, shlex.join(["zengrid", "up", *arguments]), since=started)
+    if local.trouble is not None:
+        say(local.trouble)
+        say(f"logs: {local.plan.folder}")
+    return code
+
+
+def say(text: str) -> None:
+    """One line for the terminal."""
+    print(f"zengrid up: {text}", file=sys.stderr, flush=True)
+
+
+def _age_s() -> float:
+    """How long ago this process was started: what Python took to load counts, too. [s]"""
+    import os
+    from pathlib import Path
+
+    ticks = int(Path("/proc/self/stat").read_text().rpartition(")")[2].split()[19])
+    return time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK")

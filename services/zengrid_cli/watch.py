@@ -1,0 +1,70 @@
+"""Asks a market for its status again and again, from anywhere, and comes back when it does."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Self
+
+from zengrid.bus.client import Client
+from zengrid.errors import ZengridError
+from zengrid.wire.requests import HomesStatus, Status
+
+MANY_HOMES = 200
+SLOWLY_S = 2.0
+"""Homes beyond ``MANY_HOMES`` are asked for only so often: their columns are long. [s]"""
+
+
+class Watch:
+    """The last known status of a market. Use it with ``with``."""
+
+    def __init__(self, run: str, endpoint: str) -> None:
+        self.run = run
+        self.endpoint = endpoint
+        self.status: Status | None = None
+        self.homes: HomesStatus | None = None
+        self.error: ZengridError | None = None
+        """Why the last question was not answered; None if it was"""
+        self._client: Client | None = None
+        self._answered = time.monotonic()
+        self._homes_at = 0.0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._client is not None:
+            self._client.__exit__(None, None, None)
+
+    def look(self, timeout_s: float = 1.0) -> bool:
+        """Ask once; whether the clock answered."""
+        now = time.monotonic()
+        many = self.homes is not None and len(self.homes.homes) > MANY_HOMES
+        homes = not many or now >= self._homes_at + SLOWLY_S
+        try:
+            if self._client is None:
+                self._client = Client(self.run, self.endpoint, timeout_s=timeout_s)
+            self.status = self._client.control("status", homes=homes)
+        except ZengridError as error:
+            self.error = error
+            return False
+        self.error = None
+        self._answered = now
+        if self.status.homes is not None:
+            self.homes, self._homes_at = self.status.homes, now
+        return True
+
+    @property
+    def away_s(self) -> float | None:
+        """How long the clock has not answered; None while it does. [s]"""
+        return None if self.error is None else time.monotonic() - self._answered
+
+
+def last_lines(path: Path | None, count: int = 3) -> list[str]:
+    """The end of a file of events."""
+    if path is None:
+        return []
+    try:
+        return path.read_text(encoding="utf-8").splitlines()[-count:]
+    except FileNotFoundError:
+        return []
