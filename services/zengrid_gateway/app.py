@@ -23,6 +23,7 @@ from zengrid_gateway import (
     problems,
     prosumers,
     runs,
+    scenario,
     spawners,
 )
 from zengrid_gateway.access import READ, Access
@@ -66,7 +67,7 @@ def create_app(settings: Settings, access: Access) -> FastAPI:
     app.state.origins = settings.origins
     problems.install(app)
     app.include_router(health.router)
-    for subject in (price, market, live, prosumers, spawners, policies, history, runs, control, metrics):
+    for subject in (price, market, scenario, live, prosumers, spawners, policies, history, runs, control, metrics):
         app.include_router(subject.router, dependencies=[READ])
     app.include_router(live.socket_router)
     app.router.routes.extend(page.routes())
