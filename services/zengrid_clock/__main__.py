@@ -28,6 +28,12 @@ def parser() -> argparse.ArgumentParser:
     )
     it.add_argument("--data", type=Path, help="folder with the scenario's measured data")
     it.add_argument("--seed", type=int, help="seed of the days (default: the scenario's)")
+    it.add_argument(
+        "--soc-reset",
+        choices=["daily", "never"],
+        default="never",
+        help="daily: batteries start each day as the first, as in the paper's episodes (default: %(default)s)",
+    )
     it.add_argument("--days", type=int, help="end after so many days (default: never)")
     it.add_argument(
         "--speed",
@@ -118,7 +124,7 @@ def open_clock(options: argparse.Namespace, stack: ExitStack) -> Clock:
     )
     # The hub first: agents that start at the same time can connect while the rest is made ready.
     hub = stack.enter_context(Hub(options.run, options.listen, insecure=options.insecure))
-    scenario = load(options.scenario, data=options.data, seed=options.seed)
+    scenario = load(options.scenario, data=options.data, seed=options.seed).with_(soc_reset=options.soc_reset)
     days = scenario.days()
     market = LiveMarket(scenario, days)
     roster = Roster(agent.id for agent in scenario.agents)

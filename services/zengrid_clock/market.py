@@ -81,17 +81,10 @@ class LiveMarket:
 
     def _load_day(self) -> None:
         """Profiles of the homes that are there now, and what follows from them alone for the rest of the day."""
-        self._profile = profile = self._days.day(self.day)
-        described = {spec.id: i for i, spec in enumerate(self.scenario.homes)}
+        self._profile = self._days.day(self.day)
         if self.homes != self.scenario.home_ids:
-            columns = [
-                (profile.pv_kw[:, described[spec.id]], profile.load_kw[:, described[spec.id]])
-                if spec.id in described
-                else self._days.home_day(spec, self.day)
-                for spec in self.specs
-            ]
-            pv_kw, load_kw = (_side_by_side([pair[i] for pair in columns], self.slots_per_day) for i in (0, 1))
-            self._profile = profile._replace(pv_kw=pv_kw, load_kw=load_kw)
+            pv_kw, load_kw = self._days.homes_day(self.specs, self.day)
+            self._profile = self._profile._replace(pv_kw=pv_kw, load_kw=load_kw)
         self._profiles = [self._profile.slot(slot) for slot in range(self.slots_per_day)]
         self._plan_conventional()
 
@@ -127,7 +120,8 @@ class LiveMarket:
 
     def fallback(self, slot: int) -> Floats:
         """Commands for homes whose agent does not answer, from the conventional rule; a copy to write into."""
-        return self._command[slot].copy()
+        command: Floats = self._command[slot].copy()
+        return command
 
     def settle(self, action: Action, exogenous: Exogenous) -> Settlement:
         """What came of a slot; nothing changes before ``advance``."""
@@ -195,7 +189,3 @@ class LiveMarket:
         self.specs, self.agents = specs, agents
         self.homes = tuple(spec.id for spec in specs)
         self.market = self.market.with_homes(homes_params(specs))
-
-
-def _side_by_side(columns: list[Floats], slots: int) -> Floats:
-    return np.ascontiguousarray(np.stack(columns, axis=-1)) if columns else np.zeros((slots, 0))

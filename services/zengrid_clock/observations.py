@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from zengrid.core.state import Exogenous
-from zengrid.wire.codec import BINARY, JSON, encode
-from zengrid.wire.slots import FleetObservation, FleetSettled, GridObservation, GridSettled
+from zengrid.wire.codec import BINARY, JSON, encode_fields
 from zengrid_clock.barrier import Moment
 from zengrid_clock.market import LiveMarket
 from zengrid_clock.roster import Agent
+
+Columns = dict[str, Any]
+"""Columns of all homes, as arrays or as lists: both are cut into the agents' parts alike."""
 
 
 class Settled(NamedTuple):
@@ -23,102 +25,88 @@ class Settled(NamedTuple):
 
 
 class Observer:
-    """Builds observations as bytes in the encoding that the agent asked for."""
+    """Builds observations as bytes in the encoding that the agent asked for.
+
+    What all agents are told alike is put together once a phase by ``look``; ``tell`` adds an agent's own part. The
+    fields are those of ``FleetObservation`` and ``GridObservation``.
+    """
 
     def __init__(self, run: str, market: LiveMarket) -> None:
         self.run = run
         self.market = market
         self.settled: Settled | None = None
+        self._head: dict[str, Any] = {}
+        self._buy_price = 0.0
+        self._settled_head: dict[str, Any] | None = None
+        self._arrays: tuple[Columns, Columns] = ({}, {})
+        self._lists: tuple[Columns, Columns] | None = None
 
-    def grid(self, agent: Agent, moment: Moment, exogenous: Exogenous, deadline_s: float) -> tuple[bytes, str]:
-        """The grid agent's observation (paper eq. 14)."""
-        sell_price = float(exogenous.sell_price)
-        return _encode(self._grid(agent, moment.day, moment.slot, sell_price, deadline_s, end=False), agent)
+    def look(
+        self, moment: Moment, exogenous: Exogenous, buy_price: float, deadline_s: float, *, end: bool = False
+    ) -> None:
+        """Take in the market at one moment: before the price is set, after it, or at the end."""
+        market, last = self.market, self.market.last
+        self._head = {
+            "v": 1,
+            "run": self.run,
+            "day": moment.day,
+            "slot": moment.slot,
+            "phase": "end" if end else moment.phase,
+            "hour": moment.slot * market.scenario.dt_h,
+            "deadline_s": deadline_s,
+            "sell_price": float(exogenous.sell_price),
+        }
+        self._settled_head = None
+        if last is not None and self.settled is not None:
+            self._settled_head = {"v": 1, **self.settled._asdict()}
+        if moment.phase == "price":
+            return
+        self._buy_price = buy_price
+        own = {"soc": market.soc, "pv_kw": exogenous.pv_kw, "load_kw": exogenous.load_kw}
+        outcome: Columns = {}
+        if last is not None:
+            outcome = {"reward": -last.bill, "battery_kw": last.battery_kw, "injection_kw": last.injection_kw}
+        self._arrays, self._lists = (own, outcome), None
 
-    def fleet(
-        self, agent: Agent, moment: Moment, exogenous: Exogenous, buy_price: float, deadline_s: float
-    ) -> tuple[bytes, str]:
-        """A prosumer agent's observation (paper eq. 15)."""
-        mine = self.market.agents[agent.id]
-        message = FleetObservation.trusted(
-            v=1,
-            run=self.run,
-            day=moment.day,
-            slot=moment.slot,
-            phase="battery",
-            hour=moment.slot * self.market.scenario.dt_h,
-            deadline_s=deadline_s,
-            buy_price=buy_price,
-            sell_price=float(exogenous.sell_price),
-            soc=self.market.soc[mine],
-            pv_kw=exogenous.pv_kw[mine],
-            load_kw=exogenous.load_kw[mine],
-            settled=self._fleet_settled(agent, mine),
-        )
-        return _encode(message, agent)
+    def tell(self, agent: Agent) -> tuple[bytes, str]:
+        """An agent's observation (paper eq. 14 and 15), and its encoding."""
+        fields = self._grid(agent) if agent.role == "grid" else self._fleet(agent)
+        encoding = BINARY if agent.encoding == "binary" else JSON
+        return encode_fields(fields, encoding), encoding
 
-    def farewell(self, agent: Agent, day: int, slot: int) -> tuple[bytes, str]:
-        """The last message to an agent: the market is over, here is the last reward."""
-        if agent.role == "grid":
-            return _encode(self._grid(agent, day, slot, 0.0, 1.0, end=True), agent)
-        mine = self.market.agents[agent.id]
-        nothing = np.zeros(mine.stop - mine.start)
-        message = FleetObservation.trusted(
-            v=1,
-            run=self.run,
-            day=day,
-            slot=slot,
-            phase="end",
-            hour=slot * self.market.scenario.dt_h,
-            deadline_s=1.0,
-            buy_price=0.0,
-            sell_price=0.0,
-            soc=self.market.soc[mine],
-            pv_kw=nothing,
-            load_kw=nothing,
-            settled=self._fleet_settled(agent, mine),
-        )
-        return _encode(message, agent)
-
-    def _grid(
-        self, agent: Agent, day: int, slot: int, sell_price: float, deadline_s: float, *, end: bool
-    ) -> GridObservation:
-        last, settled = self.market.last, self.settled
+    def _grid(self, agent: Agent) -> dict[str, Any]:
+        last = self.market.last
         homes = len(self.market.homes)
         payment = last.payment if last is not None else np.zeros(homes)
-        return GridObservation.trusted(
-            v=1,
-            run=self.run,
-            day=day,
-            slot=slot,
-            phase="end" if end else "price",
-            hour=slot * self.market.scenario.dt_h,
-            deadline_s=deadline_s,
-            sell_price=sell_price,
-            homes=homes,
-            facility_cost=last.facility_cost if last is not None else np.zeros(self.market.market.facilities.count),
-            payment=payment if agent.observation == "paper" else None,
-            payment_sum=float(np.add.reduce(payment)),
-            demand_kw=last.demand_kw if last is not None else 0.0,
-            settled=None
-            if last is None or settled is None
-            else GridSettled.trusted(v=1, **settled._asdict(), reward=last.profit, fallback=not agent.acted_last),
-        )
+        settled = None
+        if last is not None and self._settled_head is not None and agent.settled:
+            settled = {**self._settled_head, "reward": last.profit, "fallback": not agent.acted_last}
+        return {
+            **self._head,
+            "homes": homes,
+            "facility_cost": last.facility_cost if last is not None else np.zeros(self.market.market.facilities.count),
+            "payment": payment if agent.observation == "paper" else None,
+            "payment_sum": float(np.add.reduce(payment)),
+            "demand_kw": last.demand_kw if last is not None else 0.0,
+            "settled": settled,
+        }
 
-    def _fleet_settled(self, agent: Agent, mine: slice) -> FleetSettled | None:
-        last, settled = self.market.last, self.settled
-        if last is None or settled is None or not agent.settled:
-            return None
-        return FleetSettled.trusted(
-            v=1,
-            **settled._asdict(),
-            reward=-last.bill[mine],
-            battery_kw=last.battery_kw[mine],
-            injection_kw=last.injection_kw[mine],
-            fallback=not agent.acted_last,
-        )
-
-
-def _encode(message: GridObservation | FleetObservation, agent: Agent) -> tuple[bytes, str]:
-    encoding = BINARY if agent.encoding == "binary" else JSON
-    return encode(message, encoding), encoding
+    def _fleet(self, agent: Agent) -> dict[str, Any]:
+        mine = self.market.agents[agent.id]
+        if agent.encoding == "binary":
+            own, outcome = self._arrays
+        else:
+            if self._lists is None:
+                # Cutting one list is much cheaper than turning every agent's piece of an array into a list.
+                own, outcome = ({name: array.tolist() for name, array in part.items()} for part in self._arrays)
+                self._lists = own, outcome
+            own, outcome = self._lists
+        settled = None
+        if self._settled_head is not None and agent.settled:
+            settled = {**self._settled_head, "fallback": not agent.acted_last}
+            for name, column in outcome.items():
+                settled[name] = column[mine]
+        fields = {**self._head, "buy_price": self._buy_price, "settled": settled}
+        for name, column in own.items():
+            fields[name] = column[mine]
+        return fields

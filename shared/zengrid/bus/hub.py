@@ -122,13 +122,12 @@ class Hub:
         """The next event; None when the time is up (0: when there is none yet), or now and then before."""
         if self._others:
             return self._other()
-        if timeout_s > 0:
+        sample = self._actions.try_recv()
+        if sample is None:
+            if timeout_s <= 0:
+                return None
             self._alarm.ring_at(time.monotonic() + timeout_s)
             sample = self._actions.recv()
-        else:
-            sample = self._actions.try_recv()
-            if sample is None:
-                return None
         agent = agent_of(str(sample.key_expr))
         if agent == _WAKE:
             return self._other() if self._others else None

@@ -205,7 +205,7 @@ class PolicyRequest(Message):
     observations: tuple[tuple[float, ...], ...] = Field(
         min_length=1, max_length=10_000, description="Rows in the order of the policy's features."
     )
-    home: AgentId | None = Field(default=None, description="Whose network to use; null: its first home.")
+    home: AgentId | None = Field(default=None, description="Which of its homes; null: the first.")
 
 
 class PolicyReply(Message):
