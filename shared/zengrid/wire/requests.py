@@ -100,7 +100,7 @@ class AgentStatus(Message):
     id: AgentId
     role: Literal["grid", "prosumer"]
     presence: Literal["present", "absent", "away"] = Field(
-        description="present: waited for; absent: missed several deadlines, served but not waited for; away: no process."
+        description="present: waited for; absent: missed deadlines, served but not waited for; away: no process."
     )
     policy: str
     homes: int
