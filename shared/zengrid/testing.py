@@ -39,12 +39,12 @@ def free_endpoint() -> str:
 class Process:
     """A child process whose output is kept and shown when something goes wrong."""
 
-    def __init__(self, name: str, module: str, arguments: Sequence[str], folder: Path, env: Mapping[str, str]) -> None:
+    def __init__(self, name: str, command: Sequence[str], folder: Path, env: Mapping[str, str]) -> None:
         self.name = name
         self.output = folder / f"{name}-{time.monotonic_ns()}.log"
         with self.output.open("wb") as log:
             self.popen = subprocess.Popen(
-                [sys.executable, "-m", module, *arguments],
+                list(command),
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
@@ -124,32 +124,33 @@ class Market:
         """What all processes have printed."""
         return "\n".join(f"--- {p.name} (exit code {p.popen.poll()})\n{p.said()}" for p in self.processes.values())
 
-    def _start(self, name: str, module: str, arguments: Sequence[str], env: Mapping[str, str]) -> Process:
-        self.processes[name] = process = Process(name, module, arguments, self.folder, env)
+    def start(self, name: str, *command: str) -> Process:
+        """Start a program of your own. ``ZENGRID_CONNECT`` and ``ZENGRID_RUN`` in its environment name the market."""
+        where = {"ZENGRID_CONNECT": self.endpoint, "ZENGRID_RUN": self.run}
+        self.processes[name] = process = Process(name, command, self.folder, where)
         return process
+
+    def _start(self, name: str, module: str, *arguments: str) -> Process:
+        return self.start(name, sys.executable, "-m", module, *arguments)
 
     def start_clock(self, *options: str) -> Process:
         """Start the clock; with ``--resume`` it goes on with the journal of an earlier one."""
         arguments = [self.scenario, "--journal", str(self.journal), "--listen", self.endpoint, "--run", self.run]
-        return self._start("clock", "zengrid_clock", [*arguments, *self.options, *options], {})
+        return self._start("clock", "zengrid_clock", *arguments, *self.options, *options)
 
     def start_grid(self, *options: str) -> Process:
         """Start the grid agent."""
-        return self._start("grid", "zengrid_agent", ["grid", *self._where(), *options], {})
+        return self._start("grid", "zengrid_agent", "grid", *options)
 
     def start_prosumer(self, agent: str, *options: str, name: str | None = None) -> Process:
         """Start a prosumer agent."""
-        arguments = ["prosumer", "--id", agent, *self._where(), *options]
-        return self._start(name or agent, "zengrid_agent", arguments, {})
+        return self._start(name or agent, "zengrid_agent", "prosumer", "--id", agent, *options)
 
     def start_agents(self, *prosumers: str, policy: str = "conventional", grid_policy: str = "fixed") -> None:
         """Start the grid agent and some prosumers."""
         self.start_grid("--policy", grid_policy)
         for agent in prosumers:
             self.start_prosumer(agent, "--policy", policy)
-
-    def _where(self) -> list[str]:
-        return ["--connect", self.endpoint, "--run", self.run]
 
     def _on_slot(self, payload: bytes) -> None:
         with self._changed:
