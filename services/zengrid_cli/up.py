@@ -40,8 +40,6 @@ class Local:
         self.plan = Plan(options, choose_endpoint(options.listen))
         self.port = None if options.no_http else choose_http_port(options.http, HTTP_PORT)
         self.live = sys.stdout.isatty() and not (options.plain or options.quiet)
-        self.plan.folder.mkdir(parents=True, exist_ok=True)
-        self.plan.events.write_text("")
         self.supervisor = Supervisor(self._note)
         self.signals = Signals()
         self.trouble: str | None = None
@@ -58,6 +56,8 @@ class Local:
     def _start(self) -> None:
         # What all need is loaded once and shared, then they are forked: the clock first, since it needs longest.
         scenario = self._load()
+        self.plan.folder.mkdir(parents=True, exist_ok=True)
+        self.plan.events.write_text("")
         # Without this the first collection in each process would copy all the memory they share.
         gc.freeze()
         self.supervisor.start(self.plan.clock())
@@ -97,7 +97,7 @@ class Local:
         code = self.supervisor.code(CLOCK)
         if code != 0 and self.trouble is None:
             self.trouble = f"clock: {describe(code or 0)}"
-        self._dismiss(told=code == 0)
+        self._dismiss(told=self.trouble is None)
         return 0 if self.trouble is None else 1
 
     def _dismiss(self, *, told: bool) -> None:
@@ -115,7 +115,9 @@ class Local:
 
     def _note(self, event: Event) -> None:
         """Write down what happens to processes, end the market where it must, and tell where no table does."""
-        failed = event.kind in ("failed", "gave_up", "hopeless") or (self.supervisor.code(event.name) or 0) > 0
+        failed = event.kind in ("failed", "gave_up", "hopeless")
+        if event.kind == "ended":
+            failed = (self.supervisor.code(event.name) or 0) > 0
         words = self.supervisor.last_words(event.name) if failed else []
         text = f"{event.text} ({words[-1]})" if words else event.text
         if event.kind == "started" and "again" not in event.text:
@@ -128,7 +130,7 @@ class Local:
             self.supervisor.stop(CLOCK)
         elif event.kind == "gave_up" and event.name == CLOCK:
             self.trouble = "\n  ".join([event.text, *words])
-        elif failed and not (self.live and self.supervisor.alive([TABLE])):
+        elif failed and self.trouble is None and not (self.live and self.supervisor.alive([TABLE])):
             say(text)
 
 

@@ -124,10 +124,9 @@ class Clock:
     def _say_goodbye(self) -> None:
         """Tell everyone that it is over, with the last rewards."""
         self._publish_last()
-        if self.market.last is not None:
-            none = np.zeros(len(self.market.homes))
-            nothing = Exogenous(none, none, np.zeros(0), np.zeros(()))
-            self.observer.look(Moment(self.day, self.slot, "battery"), nothing, 0.0, self.pace.deadline_s, end=True)
+        none = np.zeros(len(self.market.homes))
+        nothing = Exogenous(none, none, np.zeros(0), np.zeros(()))
+        self.observer.look(Moment(self.day, self.slot, "battery"), nothing, 0.0, self.pace.deadline_s, end=True)
         for agent in self.roster:
             if agent.presence != "away":
                 send = self.hub.observe if agent.presence == "present" else self.hub.offer
