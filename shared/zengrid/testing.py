@@ -126,6 +126,8 @@ class Market:
 
     def start(self, name: str, *command: str) -> Process:
         """Start a program of your own. ``ZENGRID_CONNECT`` and ``ZENGRID_RUN`` in its environment name the market."""
+        if name in self.processes and self.processes[name].popen.poll() is None:
+            raise ValueError(f"name = {name}: a process of this name runs; give it another name")
         where = {"ZENGRID_CONNECT": self.endpoint, "ZENGRID_RUN": self.run}
         self.processes[name] = process = Process(name, command, self.folder, where)
         return process

@@ -1,0 +1,32 @@
+"""Python examples of the documentation run, and print what the page shows."""
+
+from __future__ import annotations
+
+import pytest
+
+from support.pages import ROOT, blocks
+
+PAGES = ["docs/journal.md", "docs/model.md", "docs/own-agent.md"]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_python_examples_run_in_order(
+    page: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(ROOT)
+    names: dict[str, object] = {}
+    found = [block for block in blocks(page, "python") if not block.title]
+    assert found
+    for block in found:
+        # Blank lines in front make line numbers in errors those of the page.
+        exec(compile("\n" * block.line + block.text, page, "exec"), names)
+        printed = capsys.readouterr().out
+        if block.shown is not None:
+            assert printed == block.shown
+
+
+@pytest.mark.parametrize("page", ["docs/own-agent.md"])
+def test_examples_with_a_name_are_the_files_of_that_name(page: str) -> None:
+    named = {block.title: block.text for block in blocks(page, "python") if block.title}
+    assert named == {name: (ROOT / "docs" / "examples" / name).read_text() for name in named}
+    assert named
