@@ -49,7 +49,8 @@ class CommandRange:
         """Whether there is one command for each home, within its power limits."""
         if battery_kw.shape != self._half_kw.shape:
             return False
-        return bool((np.abs(battery_kw - self._middle_kw) <= self._half_kw).all())
+        near = np.abs(battery_kw - self._middle_kw) <= self._half_kw
+        return int(np.count_nonzero(near)) == self.count
 
 
 def read_commands(
@@ -60,9 +61,10 @@ def read_commands(
         raise Refused("oversized")
     action = decode(FleetAction, payload, encoding)
     moment = _identify(agent, action, run)
-    if moment == now and not permitted.permits(action.battery_kw):
+    battery_kw = np.asarray(action.battery_kw)
+    if moment == now and not permitted.permits(battery_kw):
         raise Refused("out_of_range", moment)
-    return moment, action.battery_kw
+    return moment, battery_kw
 
 
 def _identify(agent: Agent, action: GridAction | FleetAction, run: str) -> Moment:

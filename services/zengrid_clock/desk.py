@@ -82,6 +82,7 @@ class Desk:
             known = ", ".join(spec.id for spec in self._specs(agent))
             raise _No("taken", f"agent = {wish.agent}: is in the market already, with the homes {known}")
         agent.bind(wish)
+        self.clock.hub.forget(agent.id)
         self._roster_changed = True
         return self._welcome(agent)
 

@@ -21,6 +21,11 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 
+DAYS_AHEAD = 32
+VALUES_AHEAD = 100_000
+"""How many days are generated at once: so many, or so many values of one column, whichever is less."""
+
+
 class LastSlot(NamedTuple):
     """What agents are told of the last settled slot; per home it follows the homes that come and go."""
 
@@ -53,6 +58,7 @@ class LiveMarket:
         self.scenario = scenario
         self.day, self.slot = -1, 0
         self._days = days
+        self._ahead: dict[int, Exogenous] = {}
         self.agents: dict[str, slice] = {}
         self.specs: list[HomeSpec] = list(scenario.homes)
         self.homes: tuple[str, ...] = scenario.home_ids
@@ -81,12 +87,23 @@ class LiveMarket:
 
     def _load_day(self) -> None:
         """Profiles of the homes that are there now, and what follows from them alone for the rest of the day."""
-        self._profile = self._days.day(self.day)
+        self._profile = self._days_ahead(self.day)
         if self.homes != self.scenario.home_ids:
             pv_kw, load_kw = self._days.homes_day(self.specs, self.day)
             self._profile = self._profile._replace(pv_kw=pv_kw, load_kw=load_kw)
         self._profiles = [self._profile.slot(slot) for slot in range(self.slots_per_day)]
         self._plan_conventional()
+
+    def _days_ahead(self, day: int) -> Exogenous:
+        """A day of the scenario; some are made at once, because one by one each costs as much as all of them."""
+        if day not in self._ahead:
+            values = self.slots_per_day * max(len(self.scenario.homes), 1)
+            numbers = np.arange(day, day + max(1, min(DAYS_AHEAD, VALUES_AHEAD // values)))
+            block = self._days.days(numbers)
+            self._ahead = {
+                int(number): Exogenous(*(column[i] for column in block)) for i, number in enumerate(numbers)
+            }
+        return self._ahead[day]
 
     def _plan_conventional(self) -> None:
         """The rest of the day without demand response: only the stored energy must be followed slot by slot."""
@@ -99,7 +116,8 @@ class LiveMarket:
         if path:
             rest = Exogenous(*(column[self.slot :] for column in self._profile))
             price = np.full(len(path), self.scenario.conventional_buy_price)
-            self._twin = settle(np.stack(path), Action(price, self._command[self.slot :]), rest, self.market)
+            day = settle(np.stack(path), Action(price, self._command[self.slot :]), rest, self.market)
+            self._twin = [Settlement(*row) for row in zip(*day, strict=True)]
 
     def sell_prices(self, day: int) -> list[float]:
         """The posted tariff of a day, one price a slot. [$/kWh]"""
@@ -116,7 +134,7 @@ class LiveMarket:
 
     def twin(self, slot: int) -> Settlement:
         """One slot of the current day without demand response."""
-        return Settlement(*(column[slot - self._twin_start] for column in self._twin))
+        return self._twin[slot - self._twin_start]
 
     def fallback(self, slot: int) -> Floats:
         """Commands for homes whose agent does not answer, from the conventional rule; a copy to write into."""

@@ -14,11 +14,14 @@ from zengrid.bus.client import request
 from zengrid.bus.keys import Keys
 from zengrid.bus.session import DEFAULT_ENDPOINT, open_client
 from zengrid.errors import BusError, ZengridError
-from zengrid.wire.codec import JSON, decode, encode
+from zengrid.wire.codec import BINARY, JSON, decode, encode
 from zengrid.wire.requests import JoinReply, JoinRequest, LeaveReply, LeaveRequest, PolicyReply, PolicyRequest, Refusal
 
 BACKLOG = 64
 """Observations kept for an agent that is slower than the market; the oldest wait, Zenoh holds back the rest."""
+
+
+_ENCODINGS = {name: zenoh.Encoding(name) for name in (JSON, BINARY)}
 
 
 class Arrival(NamedTuple):
@@ -105,7 +108,7 @@ class AgentLink:
 
     def act(self, payload: bytes, encoding: str) -> None:
         """Send the action."""
-        self._action.put(payload, encoding=encoding)
+        self._action.put(payload, encoding=_ENCODINGS[encoding])
 
     def watch_clock(self, on_change: Callable[[bool], None]) -> None:
         """Call back, in a thread of its own, when the clock comes (True) or goes (False)."""

@@ -149,9 +149,10 @@ class Hub:
                 self.keys.observation(agent),
                 congestion_control=zenoh.CongestionControl.BLOCK,
                 express=True,
+                encoding=encoding,
             )
             self._observation[agent] = publisher
-        publisher.put(payload, encoding=encoding)
+        publisher.put(payload)
 
     def offer(self, agent: str, payload: bytes, encoding: str) -> None:
         """Send an absent agent its observation without ever waiting for it."""
@@ -160,7 +161,7 @@ class Hub:
         )
 
     def forget(self, agent: str) -> None:
-        """Release what is held for an agent that has left."""
+        """Release what is held for an agent that has left, or joins again (perhaps with another encoding)."""
         publisher = self._observation.pop(agent, None)
         if publisher is not None:
             publisher.undeclare()

@@ -27,19 +27,32 @@ Instance = Annotated[
 Price = Annotated[float, Field(ge=0, le=1000, description="[$/kWh]")]
 
 
-class _ColumnSchema:
-    """Lets pydantic treat a float64 array as a list of finite numbers."""
+_NUMBERS = core_schema.list_schema(core_schema.float_schema(allow_inf_nan=False, strict=True), max_length=MAX_HOMES)
+_IS_ARRAY = core_schema.is_instance_schema(np.ndarray)
+
+
+class _AsArray:
+    """A float64 array in Python, a list of finite numbers in JSON."""
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-        numbers = core_schema.list_schema(
-            core_schema.float_schema(allow_inf_nan=False, strict=True), max_length=MAX_HOMES
-        )
-        from_json = core_schema.no_info_after_validator_function(_to_array, numbers)
+        from_list = core_schema.no_info_after_validator_function(_to_array, _NUMBERS)
         return core_schema.json_or_python_schema(
-            json_schema=from_json,
-            python_schema=core_schema.union_schema([core_schema.is_instance_schema(np.ndarray), from_json]),
-            serialization=core_schema.plain_serializer_function_ser_schema(np.ndarray.tolist, return_schema=numbers),
+            json_schema=from_list,
+            python_schema=core_schema.union_schema([_IS_ARRAY, from_list]),
+            serialization=core_schema.plain_serializer_function_ser_schema(np.ndarray.tolist, return_schema=_NUMBERS),
+        )
+
+
+class _AsReceived:
+    """The same on the wire, but what came as a list stays one: most agents use few of their columns."""
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.json_or_python_schema(
+            json_schema=_NUMBERS,
+            python_schema=core_schema.union_schema([_IS_ARRAY, _NUMBERS]),
+            serialization=core_schema.plain_serializer_function_ser_schema(_to_list, return_schema=_NUMBERS),
         )
 
 
@@ -47,10 +60,15 @@ def _to_array(values: list[float]) -> NDArray[np.float64]:
     return np.array(values, dtype=np.float64)
 
 
-Column = Annotated[
-    NDArray[np.float64], _ColumnSchema, Field(description="One number per home, in the order of the join reply.")
-]
-"""One number per home, in the order of the join reply: an array in Python, a list in JSON."""
+def _to_list(values: list[float] | NDArray[np.float64]) -> list[float]:
+    return values if isinstance(values, list) else values.tolist()
+
+
+_DESCRIBED = Field(description="One number per home, in the order of the join reply.")
+Column = Annotated[NDArray[np.float64], _AsArray, _DESCRIBED]
+"""One number per home: an array in Python, a list in JSON."""
+SlotColumn = Annotated[list[float] | NDArray[np.float64], _AsReceived, _DESCRIBED]
+"""The same in the messages of every slot: a list or an array as it came; use ``numpy.asarray``."""
 
 
 class Message(BaseModel):

@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from zengrid.wire.base import AgentId, Column, Instance, Message, Price, SlotMessage
+from zengrid.wire.base import AgentId, Column, Instance, Message, Price, SlotColumn, SlotMessage
 
 PHASE_PRICE: Literal["price"] = "price"
 PHASE_BATTERY: Literal["battery"] = "battery"
@@ -33,8 +33,8 @@ class GridObservation(SlotMessage):
     deadline_s: float = Field(gt=0, description="Time to answer [s].")
     sell_price: Price
     homes: int = Field(ge=0, description="Number of prosumer homes in the market.")
-    facility_cost: Column = Field(description="F: cost of each facility in the last slot [$]; zeros at first.")
-    payment: Column | None = Field(
+    facility_cost: SlotColumn = Field(description="F: cost of each facility in the last slot [$]; zeros at first.")
+    payment: SlotColumn | None = Field(
         description="Omega: paid to each home in the last slot [$]; only where it joined with observation `paper`."
     )
     payment_sum: float = Field(description="Sum of Omega [$].")
@@ -56,9 +56,9 @@ class FleetSettled(Message):
     day: int
     slot: int
     buy_price: Price
-    reward: Column = Field(description="-bill of each home [$], paper eq. 17 with its sign mended.")
-    battery_kw: Column = Field(description="What each battery really did, > 0 charged [kW].")
-    injection_kw: Column = Field(description="At each meter, > 0 exported [kW].")
+    reward: SlotColumn = Field(description="-bill of each home [$], paper eq. 17 with its sign mended.")
+    battery_kw: SlotColumn = Field(description="What each battery really did, > 0 charged [kW].")
+    injection_kw: SlotColumn = Field(description="At each meter, > 0 exported [kW].")
     fallback: bool = Field(description="The agent did not answer: the conventional rule was used.")
 
 
@@ -73,9 +73,9 @@ class FleetObservation(SlotMessage):
     deadline_s: float = Field(gt=0, description="Time to answer [s].")
     buy_price: Price
     sell_price: Price
-    soc: Column = Field(description="State of charge [-].")
-    pv_kw: Column = Field(description="PV generation in this slot [kW].")
-    load_kw: Column = Field(description="Consumption in this slot [kW].")
+    soc: SlotColumn = Field(description="State of charge [-].")
+    pv_kw: SlotColumn = Field(description="PV generation in this slot [kW].")
+    load_kw: SlotColumn = Field(description="Consumption in this slot [kW].")
     settled: FleetSettled | None = Field(description="Reward of the previous slot; null before the first.")
 
 
@@ -84,7 +84,7 @@ class FleetAction(SlotMessage):
 
     phase: Literal["battery"] = PHASE_BATTERY
     instance: Instance
-    battery_kw: Column = Field(description="Command to each battery, > 0 charges, within its power limits [kW].")
+    battery_kw: SlotColumn = Field(description="Command to each battery, > 0 charges, within its power limits [kW].")
 
 
 class PublicSlot(SlotMessage):
