@@ -27,4 +27,6 @@ def market_facts(market: JoinReply, homes: Sequence[HomeLimits]) -> MarketFacts:
         facilities=market.facilities,
         home_ids=tuple(home.id for home in homes),
         homes=Homes(*(np.array([getattr(home, name) for home in homes], dtype=np.float64) for name in _FIELDS)),
+        soc_reset=market.soc_reset,
+        scenario=market.scenario,
     )

@@ -13,16 +13,28 @@ from zengrid.policy.views import GridPolicy, ProsumerPolicy
 
 P = TypeVar("P")
 
+SUFFIX = ".safetensors"
+"""Of files that hold a trained policy."""
+
+
+def _optimum(facts: MarketFacts, text: str) -> ProsumerPolicy:
+    from zengrid.policy.optimum import make_optimum  # an agent that follows a rule needs no dynamic programming
+
+    return make_optimum(facts, text)
+
+
 _PROSUMER: dict[str, Callable[[MarketFacts, str], ProsumerPolicy]] = {
     "conventional": lambda facts, text: Conventional(),
     "idle": lambda facts, text: Idle(),
-    "random": lambda facts, text: RandomCommands(facts, _number(text, int, 0)),
+    "random": lambda facts, text: RandomCommands(facts, _seed(text)),
+    "optimum": _optimum,
 }
 _GRID: dict[str, Callable[[MarketFacts, str], GridPolicy]] = {
-    "fixed": lambda facts, text: FixedPrice(facts, _number(text, float, CONVENTIONAL_BUY_PRICE)),
-    "tou": lambda facts, text: TimeOfUse(facts, text),
-    "random": lambda facts, text: RandomPrice(facts, _number(text, int, 0)),
+    "fixed": lambda facts, text: FixedPrice(facts, _price(text, facts)),
+    "tou": TimeOfUse,
+    "random": lambda facts, text: RandomPrice(facts, _seed(text)),
 }
+_PLAIN = ("conventional", "idle")
 PROSUMER_POLICIES = tuple(_PROSUMER)
 GRID_POLICIES = tuple(_GRID)
 
@@ -35,23 +47,53 @@ def make_prosumer_policy(text: str, facts: MarketFacts) -> ProsumerPolicy:
     PolicyError
         Where there is no such policy, or it does not fit the market.
     """
+    if text.endswith(SUFFIX):
+        from zengrid.policy.network import ProsumerNetwork
+
+        return ProsumerNetwork.load(text, facts)
     return _make(text, facts, _PROSUMER, "prosumer")
 
 
 def make_grid_policy(text: str, facts: MarketFacts) -> GridPolicy:
-    """The policy that a text such as ``fixed:0.07``, ``tou:0.05,18:00=0.09`` or ``trained.safetensors`` names."""
+    """The policy that a text such as ``fixed:0.07``, ``tou:0.05,18:00=0.09`` or ``trained.safetensors`` names.
+
+    Raises
+    ------
+    PolicyError
+        Where there is no such policy, or it does not fit the market.
+    """
+    if text.endswith(SUFFIX):
+        from zengrid.policy.network import GridNetwork
+
+        return GridNetwork.load(text, facts)
     return _make(text, facts, _GRID, "grid")
 
 
 def _make(text: str, facts: MarketFacts, known: dict[str, Callable[[MarketFacts, str], P]], role: str) -> P:
-    name, _, rest = text.partition(":")
+    name, colon, rest = text.partition(":")
     if name not in known:
-        raise PolicyError(f"policy = {text}: a {role} can play {', '.join(known)}, or a *.safetensors file")
-    return known[name](facts, rest)
-
-
-def _number(text: str, kind: Callable[[str], P], default: P) -> P:
+        raise PolicyError(f"policy = {text}: a {role} can play {', '.join(known)}, or a *{SUFFIX} file")
+    if colon and name in _PLAIN:
+        raise PolicyError(f"policy = {text}: {name} takes nothing after its name")
     try:
-        return kind(text) if text else default
+        return known[name](facts, rest)
+    except PolicyError as error:
+        raise PolicyError(f"policy = {text}: {error}") from None
+
+
+def _seed(text: str) -> int:
+    text = text.removeprefix("seed=")
+    if text and not text.isdecimal():
+        raise PolicyError(f"seed = {text}: permitted is a whole number from 0 up")
+    return int(text or 0)
+
+
+def _price(text: str, facts: MarketFacts) -> float:
+    if not text:
+        # The price of a market without demand response, where it may be set.
+        known = any(abs(level - CONVENTIONAL_BUY_PRICE) <= 1e-9 for level in facts.buy_prices)
+        return CONVENTIONAL_BUY_PRICE if known else min(facts.buy_prices)
+    try:
+        return float(text)
     except ValueError:
-        raise PolicyError(f"{text!r} is not a number") from None
+        raise PolicyError(f"{text!r} is not a price") from None

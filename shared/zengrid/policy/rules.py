@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 from numpy.typing import NDArray
 
-from zengrid.core.baselines import CONVENTIONAL_BUY_PRICE, conventional
-from zengrid.core.levels import level_commands
-from zengrid.errors import PolicyError
+from zengrid.core.baselines import conventional
+from zengrid.core.levels import level_fractions, to_commands
 from zengrid.policy.facts import MarketFacts
-from zengrid.policy.views import GridView, ProsumerView
-from zengrid.scenario.randomness import fork, keys_of, uniform
+from zengrid.policy.prices import price_level, price_schedule
+from zengrid.policy.views import DayNumber, GridView, ProsumerView
+from zengrid.scenario.randomness import Keys, fork, keys_of, uniform
 
 Floats = NDArray[np.float64]
 
@@ -36,7 +34,7 @@ class Idle:
 
     def act(self, view: ProsumerView) -> Floats:
         """Zeros, ``(..., home)``. [kW]"""
-        return np.zeros_like(view.soc)
+        return np.zeros(view.soc.shape)
 
 
 class RandomCommands:
@@ -46,15 +44,13 @@ class RandomCommands:
 
     def __init__(self, facts: MarketFacts, seed: int = 0) -> None:
         self.name = f"random:{seed}"
-        self._commands = level_commands(facts.battery_levels, facts.homes)
+        self._fractions = level_fractions(facts.battery_levels)
         self._keys = keys_of([f"policy {home}" for home in facts.home_ids], seed)
-        self._column = np.arange(len(facts.home_ids))
 
     def act(self, view: ProsumerView) -> Floats:
         """One level a home, ``(..., home)``. [kW]"""
-        draw = uniform(fork(fork(self._keys, view.day), view.slot))
-        level = (draw * len(self._commands)).astype(np.intp)
-        return np.broadcast_to(self._commands[level, self._column], view.soc.shape).copy()
+        drawn = self._fractions[_draw(self._keys, view.day, view.slot, self._fractions.size)]
+        return np.broadcast_to(to_commands(drawn, view.homes), view.soc.shape).copy()
 
 
 class FixedPrice:
@@ -62,9 +58,9 @@ class FixedPrice:
 
     version = "1"
 
-    def __init__(self, facts: MarketFacts, price: float = CONVENTIONAL_BUY_PRICE) -> None:
+    def __init__(self, facts: MarketFacts, price: float) -> None:
         self.name = f"fixed:{price:g}"
-        self._price = nearest_level(price, facts.buy_prices)
+        self._price = price_level(price, facts.buy_prices)
 
     def act(self, view: GridView) -> float:
         """The price. [$/kWh]"""
@@ -78,15 +74,12 @@ class TimeOfUse:
 
     def __init__(self, facts: MarketFacts, schedule: str) -> None:
         self.name = f"tou:{schedule}"
-        self.schedule = np.empty(facts.slots_per_day)
-        for position, part in enumerate(schedule.split(",")):
-            start, price = _from_time(part, position)
-            first = int(np.ceil(round(start / facts.dt_h, 9)))
-            self.schedule[first:] = nearest_level(price, facts.buy_prices)
+        self._schedule = price_schedule(schedule, facts).tolist()
 
     def act(self, view: GridView) -> float:
         """The price of this time of day. [$/kWh]"""
-        return float(self.schedule[view.slot])
+        price: float = self._schedule[view.slot]
+        return price
 
 
 class RandomPrice:
@@ -96,33 +89,15 @@ class RandomPrice:
 
     def __init__(self, facts: MarketFacts, seed: int = 0) -> None:
         self.name = f"random:{seed}"
-        self._levels = facts.buy_prices
+        self._levels = np.array(facts.buy_prices)
         self._key = keys_of(["policy grid"], seed)
 
-    def act(self, view: GridView) -> float:
-        """The price. [$/kWh]"""
-        draw = uniform(fork(fork(self._key, view.day), view.slot))
-        return self._levels[int(draw[0] * len(self._levels))]
+    def act(self, view: GridView) -> Floats:
+        """The price, ``(...)``. [$/kWh]"""
+        price: Floats = self._levels[_draw(self._key, view.day, view.slot, self._levels.size)[..., 0]]
+        return price
 
 
-def nearest_level(price: float, levels: tuple[float, ...]) -> float:
-    """The permitted level that a price means; raises PolicyError where it is none."""
-    for level in levels:
-        if abs(level - price) <= 1e-9:
-            return level
-    raise PolicyError(f"price = {price:g}: permitted are {', '.join(f'{level:g}' for level in levels)} $/kWh")
-
-
-_PART = re.compile(r"(?:(\d{1,2}):(\d{2})=)?([0-9.eE+-]+)$")
-
-
-def _from_time(part: str, position: int) -> tuple[float, float]:
-    """Hour from which a price counts, and the price. [h], [$/kWh]"""
-    match = _PART.match(part.strip())
-    timed = match is not None and match.group(1) is not None
-    if match is None or timed != (position > 0):
-        raise PolicyError(f"time of use = {part!r}: give a price, then HH:MM=price, such as 0.05,18:00=0.09,21:00=0.05")
-    try:
-        return int(match.group(1) or 0) + int(match.group(2) or 0) / 60, float(match.group(3))
-    except ValueError:
-        raise PolicyError(f"time of use = {part!r}: {match.group(3)!r} is not a price") from None
+def _draw(keys: Keys, day: DayNumber, slot: int, levels: int) -> NDArray[np.intp]:
+    """Position of a level for each key, ``(..., key)``."""
+    return (uniform(fork(fork(keys, np.asarray(day)[..., None]), slot)) * levels).astype(np.intp)

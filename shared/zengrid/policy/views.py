@@ -10,16 +10,18 @@ from numpy.typing import NDArray
 from zengrid.core.params import Homes
 
 Floats = NDArray[np.float64]
+DayNumber = int | NDArray[np.int64]
+"""One day, or one for each of several days that are played side by side, ``(...)``."""
 
 
 class ProsumerView(NamedTuple):
     """One slot as the homes of one agent see it (paper eq. 15).
 
     soc, pv_kw, load_kw: ``(..., home)`` [-], [kW], [kW]. buy_price, sell_price: ``(...)`` of this slot [$/kWh].
-    dt_h: slot length [h]. homes: the homes' batteries and meters.
+    day: its number, one or ``(...)``. dt_h: slot length [h]. homes: the homes' batteries and meters.
     """
 
-    day: int
+    day: DayNumber
     slot: int
     dt_h: float
     soc: Floats
@@ -38,7 +40,7 @@ class GridView(NamedTuple):
     buy_prices: the permitted levels ``(level,)`` [$/kWh].
     """
 
-    day: int
+    day: DayNumber
     slot: int
     dt_h: float
     facility_cost: Floats
