@@ -27,6 +27,8 @@ ANSWER_S = 5.0
 """Longest wait for an answer over Zenoh."""
 STATUS_PERIOD_S = 1.0
 """How often the clock is asked how it stands, however many clients ask the gateway."""
+FRESH_S = 0.25
+"""An answer of this age is still good although a newer slot has come."""
 HOMES_PERIOD_S = 0.5
 """The same for all homes, as long as somebody asks for them."""
 QUESTIONS = 8
@@ -42,6 +44,8 @@ class MarketLink:
         self.feed = Feed()
         self.status: Status | None = None
         """How the clock stood a moment ago, without homes; None while it is away."""
+        self._status_at = 0.0
+        self._status_lock = asyncio.Lock()
         self._homes: Status | None = None
         self._homes_until = 0.0
         self._homes_lock = asyncio.Lock()
@@ -122,9 +126,11 @@ class MarketLink:
             say(f"the market {self.run} at {self.endpoint} is {'there' if came else 'away; waiting for it'}")
 
     async def known_status(self) -> Status:
-        """How the clock stands; at most a moment old."""
+        """How the clock stands; no older than the latest slot, unless that has just come."""
         self.check()
-        if self.status is None:
+        status = self.status
+        stale = status is None or (-1 if status.last is None else status.last.position) < self.feed.position
+        if status is None or (stale and self._loop.time() > self._status_at + FRESH_S):
             await self.refresh()
         if self.status is None:
             raise Problem("market-away", f"run {self.run}: its clock at {self.endpoint} does not answer")
@@ -151,14 +157,19 @@ class MarketLink:
 
     async def refresh(self) -> None:
         """Ask the clock how it stands, and remember it."""
-        before = self.feed.latest
-        try:
-            self.status = await self.ask(lambda client: client.control("status", homes=False))
-        except (ZengridError, Problem):
-            self.status = None
-        else:
-            if self.status.last is None and self.feed.latest is before:
-                self.feed.clear()  # a new market has begun where an old one was
+        asked_at = self._loop.time()
+        async with self._status_lock:
+            if self._status_at >= asked_at:
+                return  # somebody else has asked in the meantime
+            before = self.feed.latest
+            try:
+                self.status = await self.ask(lambda client: client.control("status", homes=False))
+            except (ZengridError, Problem):
+                self.status = None
+            else:
+                if self.status.last is None and self.feed.latest is before:
+                    self.feed.clear()  # a new market has begun where an old one was
+            self._status_at = asked_at
 
 
 async def _link(connection: HTTPConnection) -> MarketLink:

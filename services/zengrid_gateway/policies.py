@@ -148,7 +148,7 @@ async def _probe(link: MarketLink, status: Status, agent: AgentStatus, home: str
         try:
             return await _ask(link, agent, PolicyRequest(observations=(row,), home=home))
         except RefusedError as error:
-            refusal = error
+            refusal = refusal or error  # what the usual features meet is the real reason
     assert refusal is not None
     raise refusal
 
