@@ -5,9 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 
-from zengrid.bus.client import Client
 from zengrid.bus.options import add_bus_options
-from zengrid_cli.figures import pace, progress
 from zengrid_cli.options import parse_count, parse_speed
 
 TIMEOUT_S = 5.0
@@ -37,6 +35,9 @@ def parser() -> argparse.ArgumentParser:
 def main(arguments: Sequence[str]) -> int:
     """Ask the clock, and say how the market stands then."""
     options = parser().parse_args(arguments)
+    from zengrid.bus.client import Client
+    from zengrid_cli.figures import pace, progress
+
     with Client(options.run, options.connect, timeout_s=TIMEOUT_S) as client:
         status = client.control(
             options.command, slots=getattr(options, "slots", 1), speed=getattr(options, "speed", None), homes=False

@@ -14,8 +14,10 @@ from zengrid.wire.requests import AgentStatus, HomesStatus, Status
 from zengrid_cli.figures import NEXT_TO_NOTHING, amount, change, pace, progress
 from zengrid_cli.rows import Row, rows
 
-FIXED_LINES = 17
-"""Lines beside those of homes and events."""
+FIXED_LINES = 19
+"""Lines beside those of homes and events, all remarks included."""
+FEWEST_HOMES = 3
+"""Rows of homes in a terminal that is too small for all: what is below them is cut off."""
 BAR = " ▏▎▍▌▋▊▉█"
 COLOURS = {"running": "green", "waiting": "yellow", "paused": "yellow", "ended": "blue"}
 PRESENCE_COLOURS = {"present": "", "absent": "yellow", "away": "red"}
@@ -35,12 +37,12 @@ class View:
     footer: str = ""
 
 
-def render(view: View, width: int, height: int) -> RenderableType:
-    """The whole view in a terminal of this size."""
+def render(view: View, height: int) -> RenderableType:
+    """The whole view, in a terminal of this height."""
     status = view.status
-    parts: list[RenderableType] = [_head(view, width), _prices(status), _outcome(status)]
+    parts: list[RenderableType] = [_head(view), _prices(status), "", _outcome(status), ""]
     if view.homes is not None:
-        parts.append(_homes(status, view.homes, width, height - FIXED_LINES - len(view.events)))
+        parts += [_homes(status, view.homes, height - FIXED_LINES - len(view.events)), ""]
     parts += _remarks(status)
     parts += [Text(event, style="yellow", no_wrap=True, overflow="ellipsis") for event in view.events]
     if view.footer:
@@ -48,7 +50,7 @@ def render(view: View, width: int, height: int) -> RenderableType:
     return Group(*parts)
 
 
-def _head(view: View, width: int) -> RenderableType:
+def _head(view: View) -> RenderableType:
     status = view.status
     line = Table.grid(expand=True)
     line.add_column(no_wrap=True, overflow="ellipsis")
@@ -86,7 +88,7 @@ def _prices(status: Status) -> RenderableType:
 def _outcome(status: Status) -> RenderableType:
     """Profit, reserve energy and bills since the start, beside those without demand response."""
     totals = status.totals
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1))
+    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1))
     table.add_column("since the start", no_wrap=True)
     for heading in ("now", "conventional", "difference"):
         table.add_column(heading, justify="right", no_wrap=True, min_width=13)
@@ -101,9 +103,9 @@ def _outcome(status: Status) -> RenderableType:
     return table
 
 
-def _homes(status: Status, homes: HomesStatus, width: int, lines: int) -> RenderableType:
-    listed, total = rows(status, homes, max(lines, 3))
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=0, expand=True)
+def _homes(status: Status, homes: HomesStatus, lines: int) -> RenderableType:
+    listed, total = rows(status, homes, max(lines, FEWEST_HOMES))
+    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=0, expand=True)
     table.add_column("home" if len(listed) == len(homes.homes) else "agent", no_wrap=True, overflow="ellipsis")
     table.add_column("SoC", no_wrap=True)
     for heading in (" batt kW", "  PV kW", "load kW", "  bill $", " conv. $"):

@@ -9,10 +9,12 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import FrameType
+from typing import TYPE_CHECKING
 
 from zengrid.bus.options import add_bus_options
-from zengrid.wire.codec import encode
-from zengrid_cli.watch import Watch, last_lines
+
+if TYPE_CHECKING:
+    from zengrid_cli.watch import Watch
 
 FRAME_S = 0.2
 START_LOOK_S = 0.1
@@ -41,6 +43,8 @@ def main(arguments: Sequence[str]) -> int:
     """Show a market; returns the exit code."""
     options = parser().parse_args(arguments)
     signal.signal(signal.SIGTERM, _leave)
+    from zengrid_cli.watch import Watch
+
     with Watch(options.run, options.connect) as watch:
         if options.once or options.json:
             return _once(watch, as_json=options.json)
@@ -64,6 +68,8 @@ def _once(watch: Watch, *, as_json: bool) -> int:
         raise watch.error
     assert watch.status is not None
     if as_json:
+        from zengrid.wire.codec import encode
+
         print(encode(watch.status).decode())
         return 0
     from rich.console import Console
@@ -72,7 +78,7 @@ def _once(watch: Watch, *, as_json: bool) -> int:
 
     console = Console(highlight=False)
     # Nothing has to fit a screen here.
-    console.print(render(View(watch.status, watch.homes), console.width, 1000))
+    console.print(render(View(watch.status, watch.homes), 1000))
     return 0
 
 
@@ -127,6 +133,7 @@ def _live(watch: Watch, options: argparse.Namespace) -> None:
     from rich.live import Live
 
     from zengrid_cli.table import View, render
+    from zengrid_cli.watch import last_lines
 
     console = Console(highlight=False)
     embedded = options.events is not None
@@ -139,7 +146,7 @@ def _live(watch: Watch, options: argparse.Namespace) -> None:
         assert watch.status is not None
         events = last_lines(options.events)
         view = View(watch.status, watch.homes, watch.away_s, events, footer)
-        live.update(render(view, console.width, console.height), refresh=True)
+        live.update(render(view, console.height), refresh=True)
 
     # What a market on this machine leaves on the screen is its summary.
     with Live(console=console, auto_refresh=False, transient=embedded, vertical_overflow="crop") as live:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from pathlib import Path
 
 MAX_BYTES = 1_000_000
@@ -15,6 +16,14 @@ def end_of(log: Path) -> int:
         return log.stat().st_size
     except FileNotFoundError:
         return 0
+
+
+def begin(log: Path) -> int:
+    """Mark where a process begins to write, and return that position. [byte]"""
+    bound(log)
+    with log.open("a", encoding="utf-8") as file:
+        file.write(f"--- {time.strftime('%Y-%m-%d %H:%M:%S')} started\n")
+    return end_of(log)
 
 
 def bound(log: Path) -> bool:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, Self
 
-from zengrid.processes.log import bound, end_of, tail
+from zengrid.processes.log import begin, bound, tail
 from zengrid.processes.signals import Signals
 from zengrid.processes.spec import ProcessSpec
 from zengrid.processes.start import Start, fork
@@ -186,8 +186,7 @@ class Supervisor:
     def _run(self, process: _Process) -> None:
         spec = process.spec
         if spec.log is not None:
-            bound(spec.log)
-            process.log_from = end_of(spec.log)
+            process.log_from = begin(spec.log)
         process.restart_at = process.kill_at = None
         process.started = self._now()
         again = spec.again if process.starts else ()

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
-from zengrid.processes.log import MAX_BYTES, bound, end_of, tail
+from zengrid.processes.log import MAX_BYTES, begin, bound, end_of, tail
 
 
 def test_a_log_that_grew_too_large_is_set_aside_while_its_writer_goes_on(tmp_path: Path) -> None:
@@ -24,12 +25,13 @@ def test_a_log_that_grew_too_large_is_set_aside_while_its_writer_goes_on(tmp_pat
 def test_the_tail_quotes_only_the_present_life(tmp_path: Path) -> None:
     log = tmp_path / "p1.log"
     log.write_text("an earlier life\n")
-    since = end_of(log)
+    since = begin(log)
     with log.open("a") as writer:
         writer.write("one\n\ntwo\nthree\n")
     assert tail(log, since) == ["one", "two", "three"]
     assert tail(log, since, lines=2) == ["two", "three"]
     assert tail(log)[0] == "an earlier life"
+    assert re.fullmatch(r"--- [-0-9]+ [:0-9]+ started", tail(log)[1])
 
 
 def test_a_log_that_was_never_written_is_empty(tmp_path: Path) -> None:
