@@ -78,9 +78,9 @@ class Plan:
             GATEWAY, "zengrid_cli.after_first_slot", [*words, "--journal", self.options.journal], restarts=Restarts()
         )
 
-    def table(self, page: str | None, *, live: bool) -> ProcessSpec:
+    def table(self, where: str, *, live: bool) -> ProcessSpec:
         """What is shown while the market runs, in a process of its own: it opens a session, the supervisor must not."""
-        words = [*self._bus, "--events", str(self.events), *(("--page", page) if page else ())]
+        words = [*self._bus, "--events", str(self.events), "--where", where]
         if not live:
             words.append("--plain")
         restarts = Restarts(limit=3)

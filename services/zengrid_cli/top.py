@@ -35,7 +35,7 @@ def parser() -> argparse.ArgumentParser:
     show.add_argument("--json", action="store_true", help="print the clock's status once, as JSON")
     show.add_argument("--plain", action="store_true", help="lines instead of a table (so where there is no terminal)")
     it.add_argument("--events", type=Path, help=argparse.SUPPRESS)
-    it.add_argument("--page", help=argparse.SUPPRESS)
+    it.add_argument("--where", default="", help=argparse.SUPPRESS)
     return it
 
 
@@ -138,8 +138,8 @@ def _live(watch: Watch, options: argparse.Namespace) -> None:
     console = Console(highlight=False)
     embedded = options.events is not None
     footer = "Ctrl-C ends the market" if embedded else "Ctrl-C ends watching"
-    if options.page:
-        footer = f"{options.page}   {footer}"
+    if options.where:
+        footer = f"{options.where}   {footer}"
 
     def show() -> None:
         watch.look()

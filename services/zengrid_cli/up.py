@@ -67,8 +67,11 @@ class Local:
         for spec in self.plan.agents(scenario):
             self.supervisor.start(spec)
         if not self.options.quiet:
-            page = None if self.port is None else f"http://127.0.0.1:{self.port}"
-            self.supervisor.start(self.plan.table(page, live=self.live))
+            page = "" if self.port is None else f"http://127.0.0.1:{self.port}   "
+            where = f"{page}{self.plan.endpoint}"
+            if not self.live:
+                say(f"{scenario.name}: {len(scenario.homes):,} homes, {len(scenario.agents):,} agents   {where}")
+            self.supervisor.start(self.plan.table(where, live=self.live))
         if self.port is not None:
             self.supervisor.start(self.plan.gateway(self.port))
 

@@ -39,6 +39,7 @@ def test_it_runs_so_many_days_and_sums_up(tmp_path: Path) -> None:
         assert up.end() == 0
         said = up.process.said()
     assert positions(up) == list(range(48))
+    assert f"paper: 3 homes, 3 agents   {up.endpoint}" in said
     assert "48 slots (2 days) settled; run main-1" in said
     assert "First slot after" in said
     assert "bill p3" in said

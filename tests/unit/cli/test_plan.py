@@ -68,7 +68,7 @@ def test_the_gateway_and_the_table() -> None:
     wanted = understood(ProcessSpec("gateway", "zengrid_gateway", gateway.arguments[3:]))
     assert (wanted.port, wanted.connect, wanted.journal) == (8081, ENDPOINT, "j.db")
     top = import_module("zengrid_cli.top").parser().parse_args(plan().table("http://x", live=False).arguments)
-    assert (top.plain, top.page, top.connect) == (True, "http://x", ENDPOINT)
+    assert (top.plain, top.where, top.connect) == (True, "http://x", ENDPOINT)
 
 
 @pytest.mark.parametrize(
