@@ -15,6 +15,9 @@ from zengrid_gateway.link import Link, MarketLink
 from zengrid_gateway.problems import FieldError, Problem, documented
 from zengrid_gateway.quantities import ROWS, QuantityError, candidates, observations, present
 
+BATCH_NUMBERS = 2000
+"""Numbers in a message that fits one of Zenoh's batches of 64 KiB."""
+
 router = APIRouter(tags=["policies"])
 
 Agent = Annotated[AgentId, Path(examples=["p1"])]
@@ -60,7 +63,7 @@ class PolicyQuestion(BaseModel):
         default=None,
         description="Numbers, or lists of one length; `hour` gives the time of day. What is left out is as it is now.",
     )
-    observations: list[list[Number]] | None = Field(
+    observations: list[Annotated[list[Number], Field(min_length=1)]] | None = Field(
         default=None, min_length=1, max_length=ROWS, description="Rows in the order of the policy's features."
     )
     home: AgentId | None = Field(default=None, description="Whose limits to use; null: the agent's first home.")
@@ -109,7 +112,7 @@ async def query(link: Link, agent: Agent, question: PolicyQuestion) -> PolicyRep
     known = _agent(status, agent)
     if question.observations is not None:
         rows = tuple(tuple(row) for row in question.observations)
-        return await _ask(link, known, PolicyRequest(observations=rows, home=question.home))
+        return await _ask_all(link, known, rows, question.home)
     assert question.quantities is not None
     features = (await _probe(link, status, known, question.home)).features
     now = present(status, agent, question.home)
@@ -118,7 +121,7 @@ async def query(link: Link, agent: Agent, question: PolicyQuestion) -> PolicyRep
     except QuantityError as error:
         wrong = FieldError(field=f"body.quantities.{error.name}", value=str(error.value)[:200], allowed=error.allowed)
         raise Problem("invalid", f"quantities.{error}"[:500], errors=[wrong]) from None
-    return await _ask(link, known, PolicyRequest(observations=rows, home=question.home))
+    return await _ask_all(link, known, rows, question.home)
 
 
 def _playing(agent: AgentStatus) -> dict[str, Any]:
@@ -156,6 +159,23 @@ async def _probe(link: MarketLink, status: Status, agent: AgentStatus, home: str
 def _value(name: str, now: dict[str, float]) -> float:
     angle = 2.0 * math.pi * now.get("hour", 0.0) / 24.0
     return {"time_sin": math.sin(angle), "time_cos": math.cos(angle)}.get(name, now.get(name, 0.0))
+
+
+async def _ask_all(
+    link: MarketLink, agent: AgentStatus, rows: tuple[tuple[float, ...], ...], home: str | None
+) -> PolicyReply:
+    """Ask portion by portion: the clock's session passes a message on at once only where it fits one batch."""
+    portion = max(BATCH_NUMBERS // max(len(row) for row in rows), 1)
+    replies = [
+        await _ask(link, agent, PolicyRequest(observations=rows[start : start + portion], home=home))
+        for start in range(0, len(rows), portion)
+    ]
+    whole = replies[0]
+    if len(replies) == 1:
+        return whole
+    q_values = None if whole.q_values is None else tuple(row for reply in replies for row in reply.q_values or ())
+    actions = tuple(action for reply in replies for action in reply.actions)
+    return whole.model_copy(update={"actions": actions, "q_values": q_values})
 
 
 async def _ask(link: MarketLink, agent: AgentStatus, wish: PolicyRequest) -> PolicyReply:

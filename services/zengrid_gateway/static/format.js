@@ -19,10 +19,11 @@ export function money(dollars) {
   return (dollars < 0 && Number(text.replaceAll(",", "")) ? MINUS : "") + "$" + text;
 }
 
-/** Relative change such as "−38 %"; null where there is nothing to compare with. */
-export function change(value, conventional) {
-  if (Math.abs(conventional) < 1e-9) return null;
-  const fraction = (value - conventional) / Math.abs(conventional);
+/** Relative change such as "−38 %", or by how much where a ratio says little; null where there is nothing to compare. */
+export function change(value, conventional, show = money) {
+  if (Math.abs(conventional) < 1e-9 && Math.abs(value) < 1e-9) return null;
+  const fraction = (value - conventional) / Math.max(Math.abs(conventional), 1e-9);
+  if (Math.abs(fraction) > 2) return { fraction, text: (fraction > 0 ? "+" : "") + show(value - conventional) };
   const text = Math.abs(fraction) < 0.0995 ? one.format(100 * fraction) : whole.format(100 * fraction);
   return { fraction, text: (fraction > 0.0005 ? "+" : "") + signed(text.replace(/^-0\.0$/, "0.0")) + " %" };
 }

@@ -79,7 +79,7 @@ export function drawBetter(totals, slotsPerDay) {
   const figures = [
     ["d-bills", change(totals.bills, totals.conventional_bills), -1],
     ["d-profit", change(totals.profit, totals.conventional_profit), 1],
-    ["d-reserve", change(totals.reserve_kwh, totals.conventional_reserve_kwh), -1],
+    ["d-reserve", change(totals.reserve_kwh, totals.conventional_reserve_kwh, (kwh) => signedKw(kwh).replace("+", "") + "h"), -1],
   ];
   const verdicts = figures.map(([id, delta, wanted]) => {
     text(id, delta === null ? "–" : delta.text);
