@@ -12,7 +12,7 @@ from zengrid.core.observe import ObservationKind, observe_grid, observe_prosumer
 from zengrid.core.params import Homes, Market
 from zengrid.core.settle import settle, total
 from zengrid.core.state import Action, Exogenous, Settlement
-from zengrid.policy.views import GridView, ProsumerView
+from zengrid.policy.views import DayNumber, GridView, ProsumerView
 
 Floats = NDArray[np.float64]
 
@@ -38,14 +38,15 @@ class VectorMarket:
         self.lead = lead
         self.buy_prices = np.asarray(buy_prices, dtype=np.float64)
         self.homes = market.homes.count
-        self.slot = self.day = 0
+        self.slot = 0
+        self.day: DayNumber = 0
         self.soc = np.broadcast_to(market.homes.soc_initial, (*lead, self.homes))
         # What the grid agent is told before anything was settled.
         self._facility_cost = np.zeros((*lead, market.facilities.count))
         self._payment = np.zeros((*lead, self.homes))
         self._demand_kw = np.zeros(lead)
 
-    def begin(self, profile: Exogenous, soc: Floats | None = None, day: int = 0) -> None:
+    def begin(self, profile: Exogenous, soc: Floats | None = None, day: DayNumber = 0) -> None:
         """Begin a day, and remember the outcome of the last slot, as the live market does.
 
         Parameters
@@ -55,7 +56,7 @@ class VectorMarket:
         soc:
             State of charge to begin with, ``(..., home)``; None goes on with what is stored. [-]
         day:
-            Its number, for policies that ask.
+            Its number, or ``(...)`` numbers, for policies that ask.
         """
         self._profile, self.slots, self.day, self.slot = profile, profile.sell_price.shape[0], day, 0
         if soc is not None:
