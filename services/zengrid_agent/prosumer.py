@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from pydantic import ValidationError
 from zengrid.bus.agent import AgentLink
 from zengrid.core.observe import prosumer_features
 from zengrid.errors import PolicyError, ScenarioError
+from zengrid.policy.facts import Foresight
 from zengrid.policy.registry import make_prosumer_policy
 from zengrid.policy.views import ProsumerView
 from zengrid.scenario.home import HomeSpec
@@ -36,9 +38,20 @@ class Prosumer(AgentSession[FleetObservation]):
         if self._market is not None and self._market.homes == market.homes:
             return
         facts = market_facts(market, market.homes)
+        if self.wish.policy.partition(":")[0] == "optimum":
+            facts = replace(facts, foresight=self._foresight(market))
         self._dt_h, self._homes = facts.dt_h, facts.homes
         self._policy = make_prosumer_policy(self.wish.policy, facts)
         self._market = market
+
+    def _foresight(self, market: JoinReply) -> Foresight:
+        """What the coming days bring to these homes: only the perfect-foresight optimum may know."""
+        from zengrid.policy.optimum import foresight_of
+        from zengrid.scenario import loads
+
+        scenario = loads(self.link.scenario())
+        described = {home.id: home for home in (*scenario.homes, *(self.wish.homes or ()))}
+        return foresight_of(scenario, [described[home.id] for home in market.homes])
 
     def act(self, seen: FleetObservation) -> FleetAction:
         """Command every battery."""

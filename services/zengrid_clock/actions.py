@@ -40,7 +40,7 @@ class CommandRange:
     """The commands that the batteries of one agent permit, ready for a quick check."""
 
     def __init__(self, homes: Homes, mine: slice) -> None:
-        self.count = mine.stop - mine.start
+        self.count: int = mine.stop - mine.start
         self.bytes_max = BYTES_BASE + BYTES_PER_HOME * self.count
         self._middle_kw = (homes.charge_max_kw[mine] - homes.discharge_max_kw[mine]) / 2
         self._half_kw = (homes.charge_max_kw[mine] + homes.discharge_max_kw[mine]) / 2 + POWER_TOLERANCE_KW

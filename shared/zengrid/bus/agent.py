@@ -15,7 +15,17 @@ from zengrid.bus.keys import Keys
 from zengrid.bus.session import DEFAULT_ENDPOINT, open_client
 from zengrid.errors import BusError, ZengridError
 from zengrid.wire.codec import BINARY, JSON, decode, encode
-from zengrid.wire.requests import JoinReply, JoinRequest, LeaveReply, LeaveRequest, PolicyReply, PolicyRequest, Refusal
+from zengrid.wire.requests import (
+    JoinReply,
+    JoinRequest,
+    LeaveReply,
+    LeaveRequest,
+    PolicyReply,
+    PolicyRequest,
+    Refusal,
+    ScenarioReply,
+    ScenarioRequest,
+)
 
 BACKLOG = 64
 """Observations kept for an agent that is slower than the market; the oldest wait, Zenoh holds back the rest."""
@@ -88,6 +98,10 @@ class AgentLink:
         """Show that this agent answers from now on: the last thing to do before ``receive``."""
         if self._token is None:
             self._token = self._session.liveliness().declare_token(self.keys.alive(self.agent))
+
+    def scenario(self, timeout_s: float = 10.0) -> str:
+        """The scenario that the market plays, as YAML."""
+        return request(self._session, self.keys.scenario, ScenarioRequest(), ScenarioReply, timeout_s).yaml
 
     def leave(self, instance: str, timeout_s: float = 5.0) -> LeaveReply:
         """Take this agent's homes out of the market."""
