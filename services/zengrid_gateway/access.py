@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ipaddress
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
 from urllib.parse import urlsplit
@@ -22,6 +23,7 @@ _bearer = HTTPBearer(
 )
 
 
+@lru_cache(maxsize=1000)
 def is_loopback(host: str) -> bool:
     """Whether an address can only be reached from this machine."""
     try:
@@ -37,12 +39,13 @@ class Access:
     protect: Protect
     tokens: Tokens
 
-    def check(self, connection: HTTPConnection, role: Role, token: str | None) -> None:
+    def check(self, connection: HTTPConnection, role: Role) -> None:
         """Raise a Problem where a request may not do what it asks for."""
         if role == "operate" or connection.scope["type"] == "websocket":
             check_origin(connection)
         if self.protect == "nothing" or (self.protect == "writing" and role == "read"):
             return
+        token = bearer(connection)
         if token is None:
             raise Problem(
                 "unauthorized", f"Authorization: missing; needed: Bearer TOKEN with the role {role}", headers=_ASK
@@ -87,7 +90,7 @@ def bearer(connection: HTTPConnection) -> str | None:
 def _needs(role: Role) -> Any:
     async def check(request: Request, _: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)]) -> None:
         access: Access = request.app.state.access
-        access.check(request, role, bearer(request))
+        access.check(request, role)
 
     return Depends(check)
 

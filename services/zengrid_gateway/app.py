@@ -71,6 +71,7 @@ def create_app(settings: Settings, access: Access) -> FastAPI:
         app.include_router(subject.router, dependencies=[READ])
     app.include_router(live.socket_router)
     app.router.routes.extend(page.routes())
+    app.add_middleware(price.PriceFirst)
     if settings.origins:
         app.add_middleware(CORSMiddleware, allow_origins=settings.origins, allow_methods=["*"], allow_headers=["*"])
     app.add_middleware(

@@ -14,7 +14,7 @@ from starlette.websockets import WebSocketDisconnect
 
 from zengrid.errors import ZengridError
 from zengrid.wire.slots import PublicSlot
-from zengrid_gateway.access import Access, bearer
+from zengrid_gateway.access import Access
 from zengrid_gateway.feed import Slot
 from zengrid_gateway.frames import Frame, Frames
 from zengrid_gateway.link import Link, MarketLink
@@ -117,7 +117,7 @@ async def live_socket(socket: WebSocket, link: Link, since: Since = None) -> Non
     try:
         frames = await _frames(socket)
         access: Access = socket.app.state.access
-        access.check(socket, "read", bearer(socket))
+        access.check(socket, "read")
     except Problem as problem:
         await socket.close(1008, str(problem)[:120])
         return

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Depends, Response
+from fastapi import APIRouter, Depends, Request, Response
 from pydantic import BaseModel, Field
 from starlette.requests import HTTPConnection
+from starlette.types import ASGIApp, Receive, Scope, Send
 
+from zengrid_gateway.access import Access
 from zengrid_gateway.link import MarketLink
 from zengrid_gateway.problems import Problem, documented
+
+PATH = "/v1/price"
 
 router = APIRouter(tags=["market"])
 
@@ -64,12 +68,40 @@ def time_of(hour: float) -> str:
     return f"{minutes // 60:02d}:{minutes % 60:02d}"
 
 
+class PriceFirst:
+    """ASGI middleware that answers ``/v1/price`` before FastAPI sees it, in a tenth of the time.
+
+    The price is what everybody asks for; the route below documents it, and would answer the same.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer, or pass on what is not a plain question for the price."""
+        if scope["type"] != "http" or scope["path"] != PATH or scope["method"] != "GET":
+            await self._app(scope, receive, send)
+            return
+        request = Request(scope)
+        scope["route"] = _ROUTE
+        try:
+            access: Access = request.app.state.access
+            access.check(request, "read")
+            response = Response(request.app.state.board.body(), media_type="application/json")
+        except Problem as problem:
+            response = problem.response()
+        await response(scope, receive, send)
+
+
 async def _board(connection: HTTPConnection) -> PriceBoard:
     board: PriceBoard = connection.app.state.board
     return board
 
 
-@router.get("/v1/price", response_model=Price, responses=documented("market-away", "no-slot"))
+@router.get(PATH, response_model=Price, responses=documented("market-away", "no-slot"))
 async def price(board: Annotated[PriceBoard, Depends(_board)]) -> Response:
     """What the grid pays and charges now: the prices of the slot settled last."""
     return Response(board.body(), media_type="application/json")
+
+
+_ROUTE = router.routes[0]
