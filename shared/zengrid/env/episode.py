@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from zengrid.core.levels import level_commands
 from zengrid.core.observe import ObservationKind, grid_features, prosumer_features
 from zengrid.core.state import Settlement
+from zengrid.env.facts import market_facts
 from zengrid.env.vector import VectorMarket
 from zengrid.errors import ScenarioError
 from zengrid.policy.facts import MarketFacts
@@ -68,19 +69,7 @@ class Episode:
 
     def facts(self, agent: str) -> MarketFacts:
         """What a policy is told that plays this agent."""
-        place = [] if agent == GRID else [self._place[agent]]
-        return MarketFacts(
-            dt_h=self.scenario.dt_h,
-            slots_per_day=self.scenario.slots_per_day,
-            buy_prices=self.scenario.buy_prices,
-            sell_prices=self.scenario.sell_prices,
-            battery_levels=self.scenario.battery_levels,
-            facilities=self.market.facilities.count,
-            home_ids=() if agent == GRID else (agent,),
-            homes=self.market.homes.take(np.array(place, dtype=np.intp)),
-            soc_reset=self.scenario.soc_reset,
-            scenario=self.scenario.name,
-        )
+        return market_facts(self.scenario, () if agent == GRID else (agent,))
 
     def features(self, agent: str) -> tuple[str, ...]:
         """Names of what an agent sees, in order."""

@@ -35,6 +35,7 @@ IDS = ["public", "paper", "never, long slots", "two days"]
 # things, and the grid sees zeros before the first slot was settled.
 @pytest.mark.filterwarnings("ignore:We recommend agents to be named")
 @pytest.mark.filterwarnings("ignore:Agents have different")
+@pytest.mark.filterwarnings("ignore:Observations are different shapes")
 @pytest.mark.filterwarnings("ignore:Observation numpy array is all zeros")
 @pytest.mark.parametrize("options", OPTIONS, ids=IDS)
 def test_pettingzoo_accepts_the_aec_form(options: dict[str, Any], capsys: pytest.CaptureFixture[str]) -> None:
