@@ -60,7 +60,6 @@ def create_app(settings: Settings, access: Access) -> FastAPI:
         lifespan=lifespan,
         docs_url=None,
         redoc_url=None,
-        max_body_size=problems.MAX_BODY_BYTES,
     )
     app.openapi = lambda: describe(app)  # type: ignore[method-assign] # FastAPI's own way to change it
     app.state.access = access

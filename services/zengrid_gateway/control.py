@@ -47,7 +47,7 @@ class Control(BaseModel):
 @router.post(
     "/v1/control",
     response_model=Status,
-    responses=documented("market-away", "forbidden", "refused", "too-large", "invalid"),
+    responses=documented("market-away", "forbidden", "refused", "length-required", "too-large", "invalid"),
     dependencies=[OPERATE],
 )
 async def control(link: Link, wish: Control) -> Response:

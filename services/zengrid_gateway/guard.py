@@ -9,7 +9,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from zengrid_gateway.access import is_loopback
 from zengrid_gateway.limits import RateLimit
-from zengrid_gateway.problems import Problem
+from zengrid_gateway.problems import MAX_BODY_BYTES, Problem
 
 # Plotly sets styles of elements; scripts come from here alone, and nothing is sent elsewhere.
 POLICY = (
@@ -70,13 +70,19 @@ class Guard:
             await problem.response()(scope, receive, send_on)
 
     def _refuse(self, scope: Scope) -> Problem | None:
+        headers = dict(scope["headers"])
         if self._local:
-            host = next((value for name, value in scope["headers"] if name == b"host"), b"").decode("latin-1")
+            host = headers.get(b"host", b"").decode("latin-1")
             if host and not is_loopback(_name(host)):
                 allowed = "localhost, 127.0.0.1 or [::1]"
                 return Problem(
                     "misdirected", f"Host = {host[:200]}: this gateway answers to {allowed} alone (see --host)"
                 )
+        length = headers.get(b"content-length", b"0").decode("latin-1")
+        if int(length) > MAX_BODY_BYTES:
+            return Problem("too-large", f"body = {length} bytes: {MAX_BODY_BYTES} at most")
+        if b"transfer-encoding" in headers:
+            return Problem("length-required", "Content-Length: missing; a body must come with its length")
         wait_s = self._rate.wait_s(scope["client"][0] if scope["client"] else "", time.monotonic())
         if wait_s:
             seconds = f"{wait_s:.0f}" if wait_s > 1 else "1"

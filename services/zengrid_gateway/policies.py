@@ -104,7 +104,9 @@ async def policy(link: Link, agent: Agent) -> PolicyDetails:
 
 @router.post(
     "/v1/policies/{agent}/query",
-    responses=documented("market-away", "agent-away", "not-found", "refused", "too-large", "invalid"),
+    responses=documented(
+        "market-away", "agent-away", "not-found", "refused", "length-required", "too-large", "invalid"
+    ),
 )
 async def query(link: Link, agent: Agent, question: PolicyQuestion) -> PolicyReply:
     """What the policy would do, row by row: actions, and Q-values where it has them. Changes nothing."""

@@ -19,7 +19,7 @@ MEDIA_TYPE = "application/problem+json"
 
 Kind = Literal[
     "market-away", "agent-away", "no-slot", "no-spawner", "busy", "unauthorized", "forbidden", "not-found",
-    "method-not-allowed", "refused", "too-large", "misdirected", "invalid", "too-many", "failed",
+    "method-not-allowed", "refused", "length-required", "too-large", "misdirected", "invalid", "too-many", "failed",
 ]  # fmt: skip
 
 CATALOGUE: Mapping[Kind, tuple[int, str, str]] = {
@@ -38,6 +38,7 @@ CATALOGUE: Mapping[Kind, tuple[int, str, str]] = {
     "method-not-allowed": (405, "Method not allowed", "DELETE /v1/price: allowed are GET, HEAD"),
     "refused": (409, "The market refused", "the market is over"),
     "invalid": (422, "Invalid request", "limit = 0: Input should be greater than or equal to 1"),
+    "length-required": (411, "Length required", "Content-Length: missing; a body must come with its length"),
     "too-large": (413, "Too large", "body: more than 2 MiB"),
     "misdirected": (421, "Not this server", "Host = example.org: this gateway answers to localhost alone"),
     "too-many": (429, "Too many requests", "requests: more than 100 a second; go on in 1 s"),
@@ -130,11 +131,17 @@ async def _problem(request: Request, error: Exception) -> Response:
 
 async def _invalid(request: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)
+    found = error.errors()
+    if any(isinstance(each.get("input"), bytes) for each in found):
+        media = request.headers.get("content-type", "missing")[:100]
+        return Problem("invalid", f"Content-Type = {media}: a body must be application/json").response()
     errors = [
         FieldError(
-            field=".".join(str(part) for part in each["loc"]), value=_shown(each.get("input")), allowed=each["msg"]
+            field=".".join(map(str, each["loc"])),
+            value=_shown(each.get("input")),
+            allowed=each["msg"].removeprefix("Value error, "),
         )
-        for each in error.errors()
+        for each in found
     ]
     first = errors[0]
     return Problem("invalid", f"{first.field} = {first.value}: {first.allowed}", errors=errors).response()
@@ -156,8 +163,6 @@ async def _http(request: Request, error: Exception) -> Response:
         allowed = dict(error.headers or {}).get("Allow", "")
         detail = f"{request.method} {path}: allowed are {allowed}"
         return Problem("method-not-allowed", detail, headers={"allow": allowed}).response()
-    if error.status_code == HTTPStatus.REQUEST_ENTITY_TOO_LARGE:
-        return Problem("too-large", f"body: more than {MAX_BODY_BYTES // 2**20} MiB").response()
     return Problem("invalid", str(error.detail)).response()
 
 

@@ -59,7 +59,9 @@ async def spawners(link: Link) -> Spawners:
 @router.post(
     "/v1/prosumers",
     status_code=201,
-    responses=documented("market-away", "no-spawner", "forbidden", "refused", "too-large", "invalid"),
+    responses=documented(
+        "market-away", "no-spawner", "forbidden", "refused", "length-required", "too-large", "invalid"
+    ),
     dependencies=[OPERATE],
 )
 async def start(
