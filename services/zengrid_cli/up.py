@@ -24,6 +24,8 @@ SHARED = ("zengrid.bus.agent", "zengrid.policy.registry")
 OF_AGENTS = ("zengrid_agent.grid", "zengrid_agent.prosumer")
 """Loaded while the clock gets ready; by name, since services do not know each other."""
 
+SHOW_AFTER_S = 0.3
+"""When table and web page are started: at first the machine belongs to those who settle the first slot. [s]"""
 LEAVE_S = 3.0
 """How long agents may take to leave by themselves once the market is over. [s]"""
 
@@ -66,14 +68,18 @@ class Local:
         gc.freeze()
         for spec in self.plan.agents(scenario):
             self.supervisor.start(spec)
-        if not self.options.quiet:
-            page = "" if self.port is None else f"http://127.0.0.1:{self.port}   "
-            where = f"{page}{self.plan.endpoint}"
-            if not self.live:
-                say(f"{scenario.name}: {len(scenario.homes):,} homes, {len(scenario.agents):,} agents   {where}")
-            self.supervisor.start(self.plan.table(where, live=self.live))
+
+    def _show(self) -> None:
+        """Start what only watches."""
         if self.port is not None:
             self.supervisor.start(self.plan.gateway(self.port))
+        if self.options.quiet:
+            return
+        page = "" if self.port is None else f"http://127.0.0.1:{self.port}   "
+        where = f"{page}{self.plan.endpoint}"
+        if not self.live:
+            say(f"{self.options.scenario} at {where}")
+        self.supervisor.start(self.plan.table(where, live=self.live))
 
     def _load(self) -> Scenario:
         for module in SHARED:
@@ -90,7 +96,11 @@ class Local:
 
     def _watch(self) -> int:
         """Look after everything until the market is over."""
-        if self.supervisor.look_after(self.signals, [CLOCK]) is not None:
+        asked = self.supervisor.look_after(self.signals, [CLOCK], within_s=SHOW_AFTER_S)
+        if asked is None and self.trouble is None and self.supervisor.alive([CLOCK]):
+            self._show()
+            asked = self.supervisor.look_after(self.signals, [CLOCK])
+        if asked is not None:
             self.supervisor.release()
             # The clock settles the slot it is in, and tells everybody that the market is over.
             self.supervisor.stop(CLOCK, within_s=2.0 * self.options.deadline + LEAVE_S)

@@ -39,7 +39,7 @@ def test_it_runs_so_many_days_and_sums_up(tmp_path: Path) -> None:
         assert up.end() == 0
         said = up.process.said()
     assert positions(up) == list(range(48))
-    assert f"paper: 3 homes, 3 agents   {up.endpoint}" in said
+    assert f"paper at {up.endpoint}" in said
     assert "48 slots (2 days) settled; run main-1" in said
     assert "First slot after" in said
     assert "bill p3" in said
@@ -104,6 +104,7 @@ def test_a_clock_that_is_killed_goes_on_where_its_journal_ends(tmp_path: Path) -
 
 def test_nothing_outlives_a_supervisor_that_is_killed(tmp_path: Path) -> None:
     with Up(tmp_path, *SLOW) as up, up.client():
+        up.child("zengrid top")
         assert len(up.children()) == 6
         up.process.kill()
         # Nobody is left to wait for: look at the children themselves.
