@@ -113,6 +113,37 @@ def test_a_hung_program_is_found_by_the_deadline(market: Market) -> None:
     assert longest_gap_s(settled(market)) < DEADLINE_S + SLACK_S
 
 
+VIEWER = """
+import sys, threading
+from zengrid.bus.client import Client
+with Client(sys.argv[1], sys.argv[2]) as client:
+    following = client.follow(lambda slot: print("seen", flush=True))
+    threading.Event().wait()
+"""
+
+
+def test_viewers_that_do_not_read_any_more_cost_only_themselves(market: Market) -> None:
+    """More of them than the bus has threads; beyond the time after which Zenoh gives up their links."""
+    command = [sys.executable, "-c", VIEWER, market.run, market.endpoint]
+    viewers = [subprocess.Popen(command, stdout=subprocess.PIPE) for _ in range(4)]
+    try:
+        for viewer in viewers:
+            assert viewer.stdout is not None
+            assert viewer.stdout.readline() == b"seen\n"
+            viewer.send_signal(signal.SIGSTOP)
+        until = time.monotonic() + 8
+        while time.monotonic() < until:
+            market.wait_for_slots(20, timeout_s=10)
+        assert market.client.control("status").state == "running"
+    finally:
+        for viewer in viewers:
+            viewer.kill()
+            viewer.communicate()
+    run = settled(market)
+    assert longest_gap_s(run) < DEADLINE_S + SLACK_S
+    assert not any(block["fallback"].any() for block in run.blocks())
+
+
 def test_a_second_process_of_the_same_name_is_refused(market: Market) -> None:
     twin = market.start_prosumer("p1", name="twin")
     assert twin.end() == 1

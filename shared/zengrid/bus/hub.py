@@ -13,6 +13,7 @@ from zenoh import handlers
 
 from zengrid.bus.alarm import Alarm
 from zengrid.bus.keys import Keys, agent_of
+from zengrid.bus.linger import never_linger
 from zengrid.bus.session import DEFAULT_ENDPOINT, open_clock
 from zengrid.errors import ZengridError
 from zengrid.wire.codec import JSON, encode
@@ -96,6 +97,7 @@ class Hub:
         self._wake_key = keys.action(_WAKE)
         self._alarm = Alarm(self._wake)
         self._declared: list[Any] = [
+            never_linger(session),
             session.liveliness().declare_subscriber(keys.alive_all, self._direct("alive"), history=True),
             session.declare_queryable(keys.join, self._direct("join"), complete=True),
             session.declare_queryable(keys.leave, self._direct("leave"), complete=True),

@@ -1,0 +1,43 @@
+"""Keeps links that are given up from stopping the whole bus.
+
+Zenoh 1.10 sets SO_LINGER to 10 s on every TCP socket. Closing the link of a process that does not read any more then
+blocks one of the few threads that serve all links, for up to 10 s (eclipse-zenoh/zenoh#2350, tokio-rs/tokio#7751): two
+stopped viewers were enough to stop a market. Without the option the kernel delivers what is left by itself.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import struct
+
+import zenoh
+from zenoh import handlers
+
+_NO_LINGER = struct.pack("ii", 0, 0)
+
+
+def never_linger(session: zenoh.Session) -> zenoh.LinkEventsListener[None]:
+    """Switch SO_LINGER off for each link as soon as it stands; keep what is returned for as long as the session."""
+
+    def changed(event: zenoh.LinkEvent) -> None:
+        if event.kind == zenoh.SampleKind.PUT:
+            _switch_off()
+
+    return session.info.declare_link_events_listener(handlers.Callback(changed, indirect=False), history=True)
+
+
+def _switch_off() -> None:
+    for name in os.listdir("/dev/fd"):
+        try:
+            descriptor = os.dup(int(name))
+        except OSError:
+            continue
+        try:
+            link = socket.socket(fileno=descriptor)
+        except OSError:
+            os.close(descriptor)
+            continue
+        with link:
+            if link.family in (socket.AF_INET, socket.AF_INET6) and link.type == socket.SOCK_STREAM:
+                link.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _NO_LINGER)
