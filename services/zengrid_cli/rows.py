@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -41,7 +41,7 @@ def rows(status: Status, homes: HomesStatus, limit: int) -> tuple[list[Row], Row
     """
     agents = {agent.id: agent for agent in status.agents}
     index = np.arange(len(homes.homes))
-    total = _row("all", index, homes, None)
+    total = replace(_row("all", index, homes, None), presence="present")
     if len(homes.homes) <= limit:
         return [_row(homes.homes[i], index[i : i + 1], homes, agents.get(homes.agents[i])) for i in index], total
     members: dict[str, list[int]] = {}
