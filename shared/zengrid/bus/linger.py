@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import socket
 import struct
+from pathlib import Path
 
 import zenoh
 from zenoh import handlers
@@ -28,9 +29,9 @@ def never_linger(session: zenoh.Session) -> zenoh.LinkEventsListener[None]:
 
 
 def _switch_off() -> None:
-    for name in os.listdir("/dev/fd"):
+    for entry in list(Path("/dev/fd").iterdir()):
         try:
-            descriptor = os.dup(int(name))
+            descriptor = os.dup(int(entry.name))
         except OSError:
             continue
         try:
