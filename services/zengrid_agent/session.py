@@ -81,7 +81,12 @@ class AgentSession(ABC, Generic[Seen]):
     def join(self) -> None:
         """Take part in the market, or go on doing so under a new clock."""
         market = self.link.join(self.wish)
-        self.welcome(market)
+        try:
+            self.welcome(market)
+        except ZengridError:
+            if self.wish.homes:
+                self.link.leave(self.wish.instance)  # what it has brought would stay without it
+            raise
         self.link.ready()
         since = f"day {market.day}, slot {market.slot}"
         say(f"{self.wish.agent} takes part in {market.run} ({market.scenario}) from {since} on")

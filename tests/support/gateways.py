@@ -24,7 +24,8 @@ class Gateway:
         self.port = free_port()
         self.url = f"http://127.0.0.1:{self.port}"
         command = (sys.executable, "-m", "zengrid_gateway", "--connect", market.endpoint, "--run", market.run)
-        self.process: Process = market.start("gateway", *command, "--port", str(self.port), *options)
+        name = next(name for name in ("gateway", *map(str, range(100))) if name not in market.processes)
+        self.process: Process = market.start(name, *command, "--port", str(self.port), *options)
         self.http = httpx.Client(base_url=self.url, timeout=15.0)
 
     def wait(self, path: str, wanted: Callable[[httpx.Response], bool], missing: str, within_s: float = START_S) -> Any:
@@ -36,7 +37,7 @@ class Gateway:
                 response = self.http.get(path)
                 if wanted(response):
                     return response
-                last = response.text[:500]
+                last = response.text[-500:]
             except httpx.TransportError as error:
                 last = error
                 if self.process.popen.poll() is not None:
