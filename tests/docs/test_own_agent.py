@@ -14,8 +14,7 @@ EXAMPLE = str(ROOT / "docs" / "examples" / "own_agent.py")
 
 
 def start(market: Market, agent: str, *options: str) -> Process:
-    where = ("--connect", market.endpoint, "--run", market.run)
-    return market.start(f"own {agent}", sys.executable, EXAMPLE, agent, *where, *options)
+    return market.start(f"own {agent}", sys.executable, EXAMPLE, agent, *options)
 
 
 def test_it_plays_a_home_of_the_scenario_and_earns_more_than_without_demand_response() -> None:
@@ -37,7 +36,7 @@ def test_it_plays_a_home_of_the_scenario_and_earns_more_than_without_demand_resp
 def test_it_brings_a_home_and_takes_it_out_again() -> None:
     with Market("paper") as market:
         market.start_agents("p1", "p2", "p3")
-        mine = start(market, "p9", "--pv", "5", "--battery", "10")
+        mine = start(market, "p9", "5", "10")
         market.wait_for_slot(lambda slot: slot.homes == 4 and "p9" in slot.acted, missing="a slot in which p9 acted")
         status = market.client.control("status")
         assert status.homes is not None

@@ -6,18 +6,14 @@ import pytest
 
 from support.pages import ROOT, blocks
 
-PAGES = ["docs/journal.md", "docs/model.md", "docs/own-agent.md"]
+PAGES = ["docs/journal.md", "docs/model.md", "docs/policies.md"]
+"""Those of pages with commands run between these, in ``test_commands.py``."""
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_python_examples_run_in_order(
-    page: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(ROOT)
+def test_python_examples_run_in_order(page: str, capsys: pytest.CaptureFixture[str]) -> None:
     names: dict[str, object] = {}
-    found = [block for block in blocks(page, "python") if not block.title]
-    assert found
-    for block in found:
+    for block in blocks(page, "python"):
         # Blank lines in front make line numbers in errors those of the page.
         exec(compile("\n" * block.line + block.text, page, "exec"), names)
         printed = capsys.readouterr().out

@@ -22,20 +22,13 @@ class Block(NamedTuple):
     """The ``text`` block that follows with nothing in between: what the block prints."""
 
 
-def blocks(page: str, language: str) -> Iterator[Block]:
-    """Blocks of one language, in order; ``page`` is a path from the project's root."""
+def blocks(page: str, *languages: str) -> Iterator[Block]:
+    """Blocks of some languages, in order; ``page`` is a path from the project's root."""
     text = (ROOT / page).read_text(encoding="utf-8")
     found = list(_FENCE.finditer(text))
     for this, after in zip(found, [*found[1:], None], strict=True):
-        if this[1] != language:
+        if this[1] not in languages:
             continue
         follows = after is not None and after[1] == "text" and not text[this.end() : after.start()].strip()
         shown = after[3] if after is not None and follows else None
-        yield Block(language, this[2] or "", this[3], text.count("\n", 0, this.start(3)), shown)
-
-
-def pages_with(language: str) -> list[str]:
-    """Pages that have blocks of a language."""
-    every = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
-    names = [str(path.relative_to(ROOT)) for path in every]
-    return [name for name in names if any(blocks(name, language))]
+        yield Block(this[1], this[2] or "", this[3], text.count("\n", 0, this.start(3)), shown)
