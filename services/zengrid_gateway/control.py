@@ -27,7 +27,9 @@ EXAMPLES: list[Any] = [
 class Control(BaseModel):
     """What the market shall do."""
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, json_schema_extra={"examples": EXAMPLES})
+    model_config = ConfigDict(
+        strict=True, extra="forbid", allow_inf_nan=False, json_schema_extra={"examples": EXAMPLES}
+    )
 
     command: Command
     slots: int = Field(default=1, ge=1, le=1_000_000, description="For `step`: slots to run before it stands still.")

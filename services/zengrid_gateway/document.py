@@ -31,6 +31,8 @@ def describe(app: FastAPI) -> Schema:
     for path in document["paths"].values():
         for operation in path.values():
             _add_examples(operation, schemas)
+            if "security" in operation:
+                operation["security"].append({})  # a gateway on loopback asks for no token
     return document
 
 

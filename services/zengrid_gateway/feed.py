@@ -76,9 +76,9 @@ class Feed:
         self._next.set_result(None)
         self._next = self._loop.create_future()
 
-    async def changed(self) -> None:
-        """Wait for the next slots, or for the market to come or go."""
-        await asyncio.shield(self._next)
+    def changed(self) -> asyncio.Future[None]:
+        """Done with the next slots, or when the market comes or goes; counts from this call, not from its ``await``."""
+        return asyncio.shield(self._next)
 
     @property
     def position(self) -> int:

@@ -44,7 +44,7 @@ class Wanted(BaseModel):
         "slot", description="A row a slot, hour or day: means of powers and prices, sums of energy and money."
     )
     limit: int = Field(1000, ge=1, le=10_000, description="Most rows; ask again from `next` for more.")
-    format: Format = "json"
+    format: Format = Field("json", description="CSV and Parquet are files, with the rows alone.")
     run: str | None = Field(None, max_length=80, description="A run of /v1/runs; default the current one.")
 
 

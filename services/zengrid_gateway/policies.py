@@ -57,7 +57,9 @@ class PolicyDetails(Playing):
 class PolicyQuestion(BaseModel):
     """What it is asked: quantities by name, or whole observations."""
 
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, json_schema_extra={"examples": EXAMPLES})
+    model_config = ConfigDict(
+        strict=True, extra="forbid", allow_inf_nan=False, json_schema_extra={"examples": EXAMPLES}
+    )
 
     quantities: dict[str, Number | list[Number]] | None = Field(
         default=None,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from http import HTTPStatus
 from typing import Any, Literal
@@ -160,10 +161,19 @@ async def _http(request: Request, error: Exception) -> Response:
     if error.status_code == HTTPStatus.NOT_FOUND:
         return Problem("not-found", f"{path}: there is no such page").response()
     if error.status_code == HTTPStatus.METHOD_NOT_ALLOWED:
-        allowed = dict(error.headers or {}).get("Allow", "")
+        allowed = ", ".join(_methods(request)) or dict(error.headers or {}).get("Allow", "")
         detail = f"{request.method} {path}: allowed are {allowed}"
         return Problem("method-not-allowed", detail, headers={"allow": allowed}).response()
     return Problem("invalid", str(error.detail)).response()
+
+
+def _methods(request: Request) -> list[str]:
+    """What a path allows, of all routes that share it; the routing names those of the first alone."""
+    methods: list[str] = []
+    for template, operations in request.app.openapi()["paths"].items():
+        if re.fullmatch(re.sub(r"{\w+}", "[^/]+", template), request.url.path):
+            methods += [method.upper() for method in operations]
+    return sorted(methods)
 
 
 async def _zengrid(request: Request, error: Exception) -> Response:

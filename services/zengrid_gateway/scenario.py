@@ -34,7 +34,7 @@ EXAMPLE = {
         200: {
             "content": {
                 "application/json": {"example": EXAMPLE},
-                "application/yaml": {"schema": {"type": "string"}, "example": "name: paper\n..."},
+                "application/yaml": {"schema": {}, "example": EXAMPLE},
             }
         },
         **documented("market-away", "not-found", "invalid"),

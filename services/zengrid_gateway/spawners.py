@@ -32,7 +32,7 @@ EXAMPLES: list[Any] = [
 class NewProsumer(HomeSpec):
     """A home, as scenarios describe it, and what decides for it."""
 
-    model_config = ConfigDict(json_schema_extra={"examples": EXAMPLES}, defer_build=False)
+    model_config = ConfigDict(strict=True, json_schema_extra={"examples": EXAMPLES}, defer_build=False)
 
     policy: str = Field(default="conventional", max_length=200, description="A policy that the spawner knows.")
 

@@ -1,0 +1,45 @@
+"""The gateway does what its OpenAPI document says: no 5xx but a documented 503, and nothing undocumented."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+import schemathesis
+from hypothesis import settings
+from schemathesis.specs.openapi.checks import positive_data_acceptance
+
+from support.gateways import Gateway, running
+from zengrid_gateway.access import Access
+from zengrid_gateway.app import create_app
+from zengrid_gateway.settings import Settings
+from zengrid_gateway.tokens import Tokens
+
+EXAMPLES = 5
+"""Questions to each route; the slow test asks more."""
+
+document = create_app(Settings(), Access("nothing", Tokens({}))).openapi()
+# A live stream never ends; it has tests of its own.
+schema = schemathesis.openapi.from_dict(document).exclude(path="/v1/live")
+
+
+@pytest.fixture(scope="module")
+def gateway() -> Iterator[Gateway]:
+    with running("--speed", "72000x", spawner=("--limit", "1")) as it:
+        yield it
+
+
+@schema.parametrize()
+@settings(max_examples=EXAMPLES)
+def test_as_documented(case: Any, gateway: Gateway) -> None:
+    # What fits the schema may still make no sense to the market: that has tests of its own.
+    case.call_and_validate(base_url=gateway.url, excluded_checks=[positive_data_acceptance])
+
+
+@pytest.mark.slow
+@schema.parametrize()
+@settings(max_examples=10 * EXAMPLES)
+def test_as_documented_whatever_is_asked(case: Any, gateway: Gateway) -> None:
+    # What fits the schema may still make no sense to the market: that has tests of its own.
+    case.call_and_validate(base_url=gateway.url, excluded_checks=[positive_data_acceptance])
