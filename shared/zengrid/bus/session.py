@@ -60,7 +60,6 @@ def open_clock(endpoint: str = DEFAULT_ENDPOINT, *, insecure: bool = False) -> z
             "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 0,
             # A stuck agent that is still waited for must not hold up the others for longer than this [us].
             "transport/link/tx/queue/congestion_control/block/wait_before_close": 500_000,
-            "timestamping/enabled": True,
         },
         endpoint,
     )
