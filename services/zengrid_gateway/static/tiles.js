@@ -3,6 +3,7 @@ import { cents, change, count, kw, signedKw, tidy } from "./format.js";
 
 const $ = (id) => document.getElementById(id);
 const SHOWN = 5;
+const SAME = 0.005; // half a percent is no difference to speak of
 const text = (id, value) => { const node = $(id); if (node.textContent !== value) node.textContent = value; };
 const sum = (values) => values.reduce((a, b) => a + b, 0);
 
@@ -33,13 +34,18 @@ export function drawSelling(slot, homes, total) {
   const all = homes.length === total;
   text("selling", all ? count(selling.length) : kw(slot.injection_kw));
   text("selling-of", all ? `of ${count(total)} home${total === 1 ? "" : "s"}` : "");
-  const bought = all ? `, ${count(buying.length)} buy${buying.length === 1 ? "s" : ""} ${kw(-sum(buying.map(net)))}` : "";
-  text("selling-text", all ? `They sell ${kw(slot.injection_kw)}${bought}` : `is what ${count(total)} homes sell together`);
+  text("selling-text", all ? trade(selling.map(net), buying.map(net)) : `is what ${count(total)} homes sell together`);
   const shown = [...homes].sort((a, b) => Math.abs(net(b)) - Math.abs(net(a))).slice(0, SHOWN)
     .sort((a, b) => homes.indexOf(a) - homes.indexOf(b));
   const scale = Math.max(2, ...shown.map((home) => Math.abs(net(home))));
   $("flows").setAttribute("aria-label", shown.map((home) => `${home.id} ${describe(net(home))}`).join(", "));
   $("flows").innerHTML = shown.map((home) => flow(home.id, net(home), scale)).join("");
+}
+
+function trade(sold, bought) {
+  const who = (powers, verb) => `${count(powers.length)} ${verb}${powers.length === 1 ? "s" : ""} ${kw(Math.abs(sum(powers)))}`;
+  if (!sold.length) return bought.length ? `Nobody: ${who(bought, "buy")}` : "Nobody sells or buys: they live on their own power";
+  return bought.length ? `${who(sold, "sell")}, ${who(bought, "buy")}` : `Together ${kw(sum(sold))}`;
 }
 
 const describe = (power) => (power > 0 ? `sells ${kw(power)}` : power < 0 ? `buys ${kw(-power)}` : "neither buys nor sells");
@@ -83,7 +89,7 @@ export function drawBetter(totals, slotsPerDay) {
   ];
   const verdicts = figures.map(([id, delta, wanted]) => {
     text(id, delta === null ? "–" : delta.text);
-    const good = delta === null || Math.abs(delta.fraction) < 0.0005 ? null : delta.fraction * wanted > 0;
+    const good = delta === null || Math.abs(delta.fraction) < SAME ? null : delta.fraction * wanted > 0;
     if (good === null) delete $(id).dataset.good; else $(id).dataset.good = good;
     return good;
   });
