@@ -2,8 +2,9 @@
 
     python benchmarks/lockstep.py --peers ../shared/peers --rounds 5
 
-A zengrid market is measured as its users run it: ``zengrid up``, journal on, at full speed. Every round runs all systems
-one after the other, so that noise of the machine falls on all alike; medians of the rounds count, and their ratios.
+A zengrid market is measured as its users run it: ``zengrid up``, journal on, at full speed. Every round runs all
+systems one after the other, so that noise of the machine falls on all alike; medians of the rounds count, and their
+ratios.
 "Bare Zenoh" exchanges the same number of messages between the same processes and does nothing else: the ceiling.
 
 Peers need ``pip install helics mosaik mosaik-api-v3`` and the folder with their benchmarks; without ``--peers`` only
@@ -163,7 +164,7 @@ def table(results: dict[int, dict[str, list[Row]]]) -> str:
         return "-" if value is None else f"{value:.{digits}f}"
 
     lines = [
-        "| prosumers | system | slots/s (min-max) | zengrid is | price p50 / p99 [ms] | batteries p50 / p99 [ms] | first slot [s] |",
+        "| homes | system | slots/s (min-max) | zengrid is | price p50 / p99 [ms] | batteries p50 / p99 [ms] | 1st slot [s] |",
         "|---|---|---|---|---|---|---|",
     ]
     for homes, by_name in results.items():
@@ -204,13 +205,13 @@ def main() -> None:
                 for system, run in systems(peers, chosen.seconds).items():
                     results[homes][system].append(run(homes))
                     speed = results[homes][system][-1].get("slots_s", 0.0)
-                    print(f"round {number + 1}, {homes} prosumers, {system}: {speed:.0f} slots/s", file=sys.stderr)  # noqa: T201
+                    print(f"round {number + 1}, {homes} prosumers, {system}: {speed:.0f} slots/s", file=sys.stderr)
     machine = {"cpus": os.cpu_count(), "platform": platform.platform(), "python": platform.python_version()}
     chosen.out.parent.mkdir(parents=True, exist_ok=True)
     chosen.out.write_text(
         json.dumps({"machine": machine, "rounds": chosen.rounds, "results": results}, indent=1) + "\n"
     )
-    print(table(results))  # noqa: T201
+    print(table(results))
 
 
 if __name__ == "__main__":

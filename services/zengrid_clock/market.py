@@ -100,9 +100,7 @@ class LiveMarket:
             values = self.slots_per_day * max(len(self.scenario.homes), 1)
             numbers = np.arange(day, day + max(1, min(DAYS_AHEAD, VALUES_AHEAD // values)))
             block = self._days.days(numbers)
-            self._ahead = {
-                int(number): Exogenous(*(column[i] for column in block)) for i, number in enumerate(numbers)
-            }
+            self._ahead = {int(number): Exogenous(*(column[i] for column in block)) for i, number in enumerate(numbers)}
         return self._ahead[day]
 
     def _plan_conventional(self) -> None:

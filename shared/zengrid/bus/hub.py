@@ -89,7 +89,7 @@ class Hub:
             congestion_control=zenoh.CongestionControl.DROP,
             priority=zenoh.Priority.DATA_LOW,
             cache=zenoh.ext.CacheConfig(1),
-            sample_miss_detection=zenoh.ext.MissDetectionConfig(),
+            sample_miss_detection=zenoh.ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=None),
             publisher_detection=True,
         )
         # Actions come through a channel: no other way to receive costs as little. Everything else is rare, comes by
