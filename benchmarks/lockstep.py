@@ -164,7 +164,7 @@ def table(results: dict[int, dict[str, list[Row]]]) -> str:
         return "-" if value is None else f"{value:.{digits}f}"
 
     lines = [
-        "| homes | system | slots/s (min-max) | ratio | price p50 / p99 [ms] | batteries p50 / p99 [ms] | 1st slot [s] |",
+        "| homes | system | slots/s (min-max) | ratio | price p50 / p99 [ms] | battery p50 / p99 [ms] | 1st slot [s] |",
         "|---|---|---|---|---|---|---|",
     ]
     for homes, by_name in results.items():

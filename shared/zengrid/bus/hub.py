@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from types import TracebackType
 from typing import Any, Literal, NamedTuple, Self
 
@@ -119,7 +120,9 @@ class Hub:
         return handlers.Callback(arrived, indirect=False)
 
     def _wake(self) -> None:
-        self._session.put(self._wake_key, b"", allowed_destination=zenoh.Locality.SESSION_LOCAL)
+        # What happens while the session closes need not wake anyone.
+        with suppress(zenoh.ZError):
+            self._session.put(self._wake_key, b"", allowed_destination=zenoh.Locality.SESSION_LOCAL)
 
     def receive(self, timeout_s: float) -> Event | None:
         """The next event; None when the time is up (0: when there is none yet), or now and then before."""
