@@ -22,6 +22,9 @@ def parser() -> argparse.ArgumentParser:
         help="read history here, also of other runs, instead of asking the clock for its own",
     )
     it.add_argument(
+        "--policies", type=Path, metavar="FOLDER", help="policy files, which answer where their agents are gone"
+    )
+    it.add_argument(
         "--protect",
         choices=["nothing", "writing", "everything"],
         help="what needs a token (default: nothing on loopback, elsewhere writing)",
@@ -63,6 +66,7 @@ def main(arguments: list[str] | None = None) -> int:
         host=options.host,
         port=options.port,
         journal=options.journal,
+        policies=options.policies,
         protect=options.protect,
         tokens=options.tokens or default_tokens(),
         rate=options.rate,

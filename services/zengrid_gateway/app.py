@@ -34,6 +34,7 @@ from zengrid_gateway.guard import Guard
 from zengrid_gateway.limits import RateLimit
 from zengrid_gateway.link import MarketLink
 from zengrid_gateway.settings import Settings
+from zengrid_gateway.shelf import Shelf
 
 
 def create_app(settings: Settings, access: Access) -> FastAPI:
@@ -47,6 +48,7 @@ def create_app(settings: Settings, access: Access) -> FastAPI:
             state.board = price.PriceBoard(state.link)
             state.archive = Archive(state.link, settings.journal)
             state.book = runs.Book()
+            state.shelf = Shelf(settings.policies)
             state.metrics = metrics.Metrics(state.link, state.frames)
             writing = asyncio.create_task(state.frames.run())
             yield

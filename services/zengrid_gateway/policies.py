@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
+from collections.abc import Callable
 from typing import Annotated, Any, Literal, Self
 
 from fastapi import APIRouter, Path
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from zengrid.errors import RefusedError
+from zengrid.bus.client import Client
+from zengrid.errors import BusError, RefusedError
 from zengrid.wire.base import AgentId
 from zengrid.wire.requests import AgentStatus, PolicyReply, PolicyRequest, Status
+from zengrid_gateway.archive import Archive, ArchiveOf
 from zengrid_gateway.link import Link, MarketLink
 from zengrid_gateway.problems import FieldError, Problem, documented
 from zengrid_gateway.quantities import ROWS, QuantityError, candidates, observations, present
+from zengrid_gateway.shelf import Shelf, ShelfOf, answer, home_spec
 
 BATCH_NUMBERS = 2000
 """Numbers in a message that fits one of Zenoh's batches of 64 KiB."""
@@ -38,10 +43,23 @@ class Playing(BaseModel):
     homes: int = Field(description="Homes it commands.", examples=[1])
 
 
+class File(BaseModel):
+    """A trained policy that the gateway can read."""
+
+    name: str = Field(examples=["generic"])
+    role: Literal["grid", "prosumer"]
+    version: str = Field(examples=["a1b2c3d4"])
+    observation: str = Field(examples=["public"])
+    features: list[str] = Field(examples=[["soc", "pv_kw", "load_kw", "buy_price"]])
+    homes: list[str] = Field(description="Whose networks it holds; empty where one serves all.")
+    dt_h: float = Field(description="Length of the slots it was trained on [h].", examples=[1.0])
+
+
 class Policies(BaseModel):
-    """Every agent's policy."""
+    """Every agent's policy, and the policy files of this gateway."""
 
     policies: list[Playing]
+    files: list[File]
 
 
 class PolicyDetails(Playing):
@@ -78,20 +96,32 @@ class PolicyQuestion(BaseModel):
 
 
 @router.get("/v1/policies", responses=documented("market-away"))
-async def policies(link: Link) -> Policies:
-    """What decides for each agent."""
+async def policies(link: Link, shelf: ShelfOf) -> Policies:
+    """What decides for each agent; and the files that answer where an agent is gone."""
     status = await link.known_status()
-    return Policies(policies=[Playing(**_playing(agent)) for agent in status.agents])
+    files = [
+        File(
+            name=file.name,
+            role=file.role,
+            version=file.version,
+            observation=file.observation,
+            features=list(file.features),
+            homes=list(file.homes),
+            dt_h=file.dt_h,
+        )
+        for file in await asyncio.to_thread(shelf.files)
+    ]
+    return Policies(policies=[Playing(**_playing(agent)) for agent in status.agents], files=files)
 
 
 @router.get(
     "/v1/policies/{agent}", responses=documented("market-away", "agent-away", "not-found", "refused", "invalid")
 )
-async def policy(link: Link, agent: Agent) -> PolicyDetails:
+async def policy(link: Link, archive: ArchiveOf, shelf: ShelfOf, agent: Agent) -> PolicyDetails:
     """One policy: what it looks at, what it can do, and what it would do now."""
     status = await link.homes_status()
     known = _agent(status, agent)
-    reply = await _probe(link, status, known, None)
+    reply = await Asker(link, archive, shelf, known, None).probe(status)
     now = present(status, agent, None)
     names = [name for name in reply.features if name in now]
     return PolicyDetails(
@@ -110,22 +140,22 @@ async def policy(link: Link, agent: Agent) -> PolicyDetails:
         "market-away", "agent-away", "not-found", "refused", "length-required", "too-large", "invalid"
     ),
 )
-async def query(link: Link, agent: Agent, question: PolicyQuestion) -> PolicyReply:
+async def query(link: Link, archive: ArchiveOf, shelf: ShelfOf, agent: Agent, question: PolicyQuestion) -> PolicyReply:
     """What the policy would do, row by row: actions, and Q-values where it has them. Changes nothing."""
     status = await link.homes_status()
-    known = _agent(status, agent)
+    asker = Asker(link, archive, shelf, _agent(status, agent), question.home)
     if question.observations is not None:
         rows = tuple(tuple(row) for row in question.observations)
-        return await _ask_all(link, known, rows, question.home)
+        return await asker.ask(rows)
     assert question.quantities is not None
-    features = (await _probe(link, status, known, question.home)).features
+    features = (await asker.probe(status)).features
     now = present(status, agent, question.home)
     try:
         rows = observations(features, question.quantities, now)
     except QuantityError as error:
         wrong = FieldError(field=f"body.quantities.{error.name}", value=str(error.value)[:200], allowed=error.allowed)
         raise Problem("invalid", f"quantities.{error}"[:500], errors=[wrong]) from None
-    return await _ask_all(link, known, rows, question.home)
+    return await asker.ask(rows)
 
 
 def _playing(agent: AgentStatus) -> dict[str, Any]:
@@ -146,43 +176,72 @@ def _agent(status: Status, agent: str) -> AgentStatus:
     raise Problem("not-found", f"agent = {agent}: not in the market; it has {names}")
 
 
-async def _probe(link: MarketLink, status: Status, agent: AgentStatus, home: str | None) -> PolicyReply:
-    """Ask for one action now, with each set of features that the policy may want."""
-    now = present(status, agent.id, home)
-    refusal: RefusedError | None = None
-    for features in candidates(status, agent.role):
-        row = tuple(_value(name, now) for name in features)
+class Asker:
+    """Asks one agent's policy: the agent itself, or where it is gone the file that it played."""
+
+    def __init__(self, link: MarketLink, archive: Archive, shelf: Shelf, agent: AgentStatus, home: str | None) -> None:
+        self._link = link
+        self._archive = archive
+        self._shelf = shelf
+        self._agent = agent
+        self._home = home
+
+    async def probe(self, status: Status) -> PolicyReply:
+        """Ask for one action now, with each set of features that the policy may want."""
+        now = present(status, self._agent.id, self._home)
+        refusal: RefusedError | Problem | None = None
+        for features in candidates(status, self._agent.role):
+            row = tuple(_value(name, now) for name in features)
+            try:
+                return await self.ask((row,))
+            except (RefusedError, Problem) as error:
+                if isinstance(error, Problem) and error.kind != "invalid":
+                    raise
+                refusal = refusal or error  # what the usual features meet is the real reason
+        assert refusal is not None
+        raise refusal
+
+    async def ask(self, rows: tuple[tuple[float, ...], ...]) -> PolicyReply:
+        """Ask the agent, or its file where it has gone, if only a moment ago."""
+        if self._agent.presence == "away":
+            return await self._ask_file(rows)
         try:
-            return await _ask(link, agent, PolicyRequest(observations=(row,), home=home))
-        except RefusedError as error:
-            refusal = refusal or error  # what the usual features meet is the real reason
-    assert refusal is not None
-    raise refusal
+            return await self._ask_agent(rows)
+        except BusError:
+            return await self._ask_file(rows)
+
+    async def _ask_agent(self, rows: tuple[tuple[float, ...], ...]) -> PolicyReply:
+        """Portion by portion: the clock's session passes a message on at once only where it fits one batch."""
+        portion = max(BATCH_NUMBERS // max(len(row) for row in rows), 1)
+        replies = [
+            await self._link.ask(self._question(rows[start : start + portion]))
+            for start in range(0, len(rows), portion)
+        ]
+        whole = replies[0]
+        if len(replies) == 1:
+            return whole
+        q_values = None if whole.q_values is None else tuple(row for reply in replies for row in reply.q_values or ())
+        actions = tuple(action for reply in replies for action in reply.actions)
+        return whole.model_copy(update={"actions": actions, "q_values": q_values})
+
+    def _question(self, rows: tuple[tuple[float, ...], ...]) -> Callable[[Client], PolicyReply]:
+        wish = PolicyRequest(observations=rows, home=self._home)
+        return lambda client: client.ask_policy(self._agent.id, wish)
+
+    async def _ask_file(self, rows: tuple[tuple[float, ...], ...]) -> PolicyReply:
+        agent = self._agent
+        file = await asyncio.to_thread(self._shelf.find, agent.policy)
+        if file is None:
+            played = f"it played {agent.policy}" if agent.policy else "it never had one"
+            raise Problem(
+                "agent-away", f"agent = {agent.id}: has no process, and no policy file here answers for it ({played})"
+            )
+        home = None
+        if agent.role == "prosumer":
+            home = await home_spec(self._link, self._archive, self._home or agent.id)
+        return await asyncio.to_thread(answer, file, agent.id, home, rows)
 
 
 def _value(name: str, now: dict[str, float]) -> float:
     angle = 2.0 * math.pi * now.get("hour", 0.0) / 24.0
     return {"time_sin": math.sin(angle), "time_cos": math.cos(angle)}.get(name, now.get(name, 0.0))
-
-
-async def _ask_all(
-    link: MarketLink, agent: AgentStatus, rows: tuple[tuple[float, ...], ...], home: str | None
-) -> PolicyReply:
-    """Ask portion by portion: the clock's session passes a message on at once only where it fits one batch."""
-    portion = max(BATCH_NUMBERS // max(len(row) for row in rows), 1)
-    replies = [
-        await _ask(link, agent, PolicyRequest(observations=rows[start : start + portion], home=home))
-        for start in range(0, len(rows), portion)
-    ]
-    whole = replies[0]
-    if len(replies) == 1:
-        return whole
-    q_values = None if whole.q_values is None else tuple(row for reply in replies for row in reply.q_values or ())
-    actions = tuple(action for reply in replies for action in reply.actions)
-    return whole.model_copy(update={"actions": actions, "q_values": q_values})
-
-
-async def _ask(link: MarketLink, agent: AgentStatus, wish: PolicyRequest) -> PolicyReply:
-    if agent.presence == "away":
-        raise Problem("agent-away", f"agent = {agent.id}: has no process that could answer")
-    return await link.ask(lambda client: client.ask_policy(agent.id, wish))

@@ -28,6 +28,8 @@ class Settings:
     port: int = 8080
     journal: str | None = None
     """Where past slots can be read: a file or URL. Without it the clock is asked, and knows its own run alone."""
+    policies: Path | None = None
+    """Folder of policy files, which answer where their agents are gone."""
     protect: Protect | None = None
     """What needs a token; None: nothing on loopback, elsewhere writing."""
     tokens: Path = field(default_factory=default_tokens)
