@@ -62,6 +62,18 @@ class VectorMarket:
         if soc is not None:
             self.soc = np.broadcast_to(np.asarray(soc, dtype=np.float64), (*self.lead, self.homes))
 
+    def memory(self) -> dict[str, Floats]:
+        """What goes on from one day into the next."""
+        return {
+            "soc": self.soc, "facility_cost": self._facility_cost, "payment": self._payment,
+            "demand_kw": self._demand_kw,
+        }  # fmt: skip
+
+    def remember(self, memory: dict[str, Floats]) -> None:
+        """Go on from what ``memory`` gave."""
+        self.soc, self._demand_kw = memory["soc"], memory["demand_kw"]
+        self._facility_cost, self._payment = memory["facility_cost"], memory["payment"]
+
     @property
     def over(self) -> bool:
         """Whether the day has no slot left."""

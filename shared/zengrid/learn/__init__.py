@@ -1,1 +1,1 @@
-"""Learning agents: the only place that knows torch."""
+"""Learning: independent deep Q-learners in the vectorised market. Only here is torch imported."""

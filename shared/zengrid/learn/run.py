@@ -1,0 +1,216 @@
+"""A training with a folder: evaluated as it goes, the best policies kept, stopped and resumed at any day."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple, Self
+
+import torch
+
+from zengrid import __version__
+from zengrid.core.observe import ObservationKind
+from zengrid.errors import PolicyError
+from zengrid.learn.evaluation import Changes, Evaluator, Trained
+from zengrid.learn.settings import Settings
+from zengrid.learn.training import Training
+from zengrid.scenario import Scenario
+from zengrid.scenario.files import loads
+
+CHECKPOINT = "checkpoint.pt"
+PROGRESS = "progress.jsonl"
+SCENARIO = "scenario.yaml"
+CHOICE_DAYS = 64
+
+
+class Plan(NamedTuple):
+    """What is trained, as it stands in the folder."""
+
+    scenarios: tuple[Scenario, ...]
+    """one for each market"""
+    seeds: tuple[int, ...]
+    """one for each market"""
+    settings: Settings
+    observation: ObservationKind
+    command: str
+    """by which it can be repeated"""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values; markets that share a scenario share its text."""
+        texts = list(dict.fromkeys(scenario.dump() for scenario in self.scenarios))
+        return {
+            "scenarios": texts,
+            "scenario_of": [texts.index(scenario.dump()) for scenario in self.scenarios],
+            "seeds": list(self.seeds),
+            "settings": self.settings.as_dict(),
+            "observation": self.observation,
+            "command": self.command,
+            "version": __version__,
+        }
+
+    @classmethod
+    def of(cls, values: dict[str, Any]) -> Self:
+        """Read what ``as_dict`` wrote."""
+        made = [loads(text) for text in values["scenarios"]]
+        return cls(
+            tuple(made[i] for i in values["scenario_of"]),
+            tuple(values["seeds"]),
+            Settings.of(values["settings"]),
+            values["observation"],
+            values["command"],
+        )
+
+
+class Report(NamedTuple):
+    """How the training stands after an evaluation."""
+
+    step: int
+    steps: int
+    seconds: float
+    """trained so far, evaluations left out [s]"""
+    agent_steps: int
+    """decisions taken by all agents so far"""
+    now: list[Changes]
+    """of each market, as it is [%]"""
+    best: list[Changes]
+    """of each market, as it was at its best [%]"""
+
+
+class Run:
+    """A training in a folder.
+
+    The policies kept as ``best-*`` are those with the largest joint gain (``Changes.joint_gain``) on days set apart for
+    this choice; ``last-*`` are the newest.
+
+    Parameters
+    ----------
+    folder:
+        Where everything is written.
+    plan:
+        What to train.
+    device:
+        Where the networks are.
+    """
+
+    def __init__(self, folder: Path, plan: Plan, device: str = "cpu") -> None:
+        self.folder, self.plan = folder, plan
+        self.training = Training(plan.scenarios, plan.seeds, plan.settings, plan.observation, device)
+        made = {id(s): Evaluator.for_choice(s, plan.settings.pool, CHOICE_DAYS) for s in plan.scenarios}
+        self.choosers = [made[id(scenario)] for scenario in plan.scenarios]
+        self.seconds = 0.0
+        self.best: list[Changes | None] = [None] * len(plan.seeds)
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / SCENARIO).write_text(plan.scenarios[0].dump(), encoding="utf-8")
+
+    @classmethod
+    def resume(cls, folder: Path, device: str = "cpu") -> Self:
+        """Go on where a training was stopped.
+
+        Raises
+        ------
+        PolicyError
+            Where the folder holds none, or one of another version.
+        """
+        path = folder / CHECKPOINT
+        try:
+            saved = torch.load(path, map_location=device, weights_only=False)
+        except (OSError, RuntimeError) as error:
+            raise PolicyError(f"checkpoint {path}: cannot be read ({error})") from None
+        if saved["plan"]["version"] != __version__:
+            raise PolicyError(f"checkpoint {path}: of version {saved['plan']['version']}; permitted: {__version__}")
+        run = cls(folder, Plan.of(saved["plan"]), device)
+        run.training.restore(saved["training"])
+        run.seconds = saved["seconds"]
+        run.best = [None if changes is None else Changes(*changes) for changes in saved["best"]]
+        return run
+
+    def go(
+        self,
+        report: Callable[[Report], None],
+        stop: Callable[[], bool] = lambda: False,
+        every: int = 20,
+        most_seconds: float | None = None,
+    ) -> bool:
+        """Train to the end, or until asked to stop; returns whether the end was reached.
+
+        Parameters
+        ----------
+        report:
+            Told of every evaluation.
+        stop:
+            Asked after each day.
+        every:
+            Days between evaluations.
+        most_seconds:
+            Time to train in all, what was before a resumption included. [s]
+        """
+        training, day = self.training, self.training.step // self.plan.scenarios[0].slots_per_day
+        ends = training.done
+        while not ends:
+            start = time.perf_counter()
+            training.day()
+            self.seconds += time.perf_counter() - start
+            day += 1
+            late = most_seconds is not None and self.seconds >= most_seconds
+            ends = training.done or late or stop()
+            if day % every == 0 or ends:
+                report(self.evaluate())
+                self.save()
+        return training.done
+
+    def evaluate(self) -> Report:
+        """How all markets fare; keeps the best policies."""
+        now = []
+        for place, trained in enumerate(self.training.trained(notes=self.notes())):
+            changes = self.choosers[place].evaluate_trained(trained, gaps=False).changes
+            known = self.best[place]
+            if known is None or changes.joint_gain > known.joint_gain:
+                self.best[place] = changes
+                self._write("best", place, trained)
+            self._write("last", place, trained)
+            now.append(changes)
+        training = self.training
+        agents = sum(1 + len(scenario.homes) for scenario in self.plan.scenarios)
+        report = Report(
+            training.step, training.settings.steps, self.seconds, training.step * training.settings.days * agents,
+            now, [changes for changes in self.best if changes is not None],
+        )  # fmt: skip
+        with (self.folder / PROGRESS).open("a", encoding="utf-8") as file:
+            file.write(json.dumps({**report._asdict(), "now": _plain(now), "best": _plain(report.best)}) + "\n")
+        return report
+
+    def notes(self) -> dict[str, Any]:
+        """What policy files tell about how they were made."""
+        return {"command": self.plan.command, "version": __version__, "seconds": round(self.seconds, 1)}
+
+    def names(self, place: int) -> str:
+        """What the files of a market are called after."""
+        several = len({scenario.dump() for scenario in self.plan.scenarios}) > 1
+        return f"seed{self.plan.seeds[place]}" + (f"-{place}" if several else "")
+
+    def _write(self, kind: str, place: int, trained: Trained) -> None:
+        for part, file in trained._asdict().items():
+            file.save(self.folder / f"{kind}-{self.names(place)}-{part}.safetensors")
+
+    def save(self) -> None:
+        """Write the checkpoint; an interruption leaves the one before."""
+        saved = {
+            "plan": self.plan.as_dict(),
+            "training": self.training.state(),
+            "seconds": self.seconds,
+            "best": [None if changes is None else tuple(changes) for changes in self.best],
+        }
+        part = self.folder / f"{CHECKPOINT}.part"
+        torch.save(saved, part)
+        part.replace(self.folder / CHECKPOINT)
+
+
+def use_threads(count: int) -> None:
+    """How many threads networks are evaluated with. They are small: more than two seldom help."""
+    torch.set_num_threads(count)
+
+
+def _plain(changes: Sequence[Changes]) -> list[dict[str, Any]]:
+    return [{"bill": c.bill.tolist(), "profit": c.profit, "reserve": c.reserve} for c in changes]
