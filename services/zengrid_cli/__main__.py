@@ -28,6 +28,8 @@ COMMANDS = {
     "top": Command("zengrid_cli.top:main", "watch a running market from anywhere"),
     "control": Command("zengrid_cli.control:main", "pause, resume, step, speed up or stop a market"),
     "export": Command("zengrid_cli.export:export", "write a journal as CSV or Parquet", typer=True),
+    "train": Command("zengrid_cli.train:main", "train agents in a simulated market"),
+    "evaluate": Command("zengrid_cli.evaluate:main", "how good policies are, and how far from the best possible"),
     "scenario": Command("zengrid_cli.scenario:app", "show, check and export scenarios", typer=True),
     "prosumer": Command("zengrid_agent", "one prosumer agent, also in a market that runs already"),
     "grid": Command("zengrid_agent", "the grid agent"),
