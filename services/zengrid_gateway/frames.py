@@ -44,7 +44,7 @@ class Frames:
 
     async def run(self) -> None:
         """Follow the market until the gateway stops."""
-        feed, seen = self._feed, self._feed.changes
+        feed, seen = self._feed, -1
         while not feed.ended:
             quiet = False
             if feed.changes == seen:
@@ -53,11 +53,11 @@ class Frames:
                 except TimeoutError:
                     quiet = True
             seen = feed.changes
-            self._write(quiet)
+            self._write(quiet=quiet)
             await asyncio.sleep(max(PERIOD_S, self.clients / SENDS_PER_S))
         self._tell()
 
-    def _write(self, quiet: bool) -> None:
+    def _write(self, *, quiet: bool) -> None:
         """Write a frame of what has happened since the last one."""
         feed = self._feed
         if feed.began != self._began:
@@ -86,6 +86,8 @@ class Frames:
         """
         self.clients += 1
         try:
+            if self._feed.present != self._present:
+                self._write(quiet=False)  # all clients hear of the same changes
             number = self._number
             known = [slot for slot in self._feed.since(-1) if slot.position <= self._position]
             if since is None or since > self._position:

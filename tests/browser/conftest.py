@@ -16,8 +16,9 @@ OUTPUT = Path(__file__).parents[2] / "test-output" / "browser"
 """Where screenshots are kept."""
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
+    """Closed with its module: Playwright's event loop would be in the way of others."""
     path = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
     if path is None:
         pytest.skip("there is no Chromium: apt install chromium, or set CHROMIUM")

@@ -43,7 +43,7 @@ def test_a_market_that_dies_and_comes_back() -> None:
         market = it.market
         with it.http.stream("GET", "/v1/live") as response:
             stream = events(response)
-            before = [next(stream) for _ in range(3)][-1][1]
+            before = next(number for name, number, _ in stream if name == "slot")
             assert before is not None
             market.processes["clock"].kill()
             assert next(data for name, _, data in stream if name == "market") == {"present": False}
@@ -62,7 +62,8 @@ def test_a_market_that_dies_and_comes_back() -> None:
 
 
 def test_the_end_of_a_market() -> None:
-    with running("--days", "3", "--speed", "180000x") as it:
+    with running("--days", "3", "--speed", "3600x") as it:
+        it.post("/v1/control", {"command": "speed", "speed": 0})
         away = it.wait("/v1/price", is_away, "the end of the market", 20.0)
         assert away.status_code == 503
         assert it.get("/v1/history", params={"resolution": "day"})["rows"][-1]["day"] == 2
@@ -76,7 +77,7 @@ def test_a_new_market_begins_at_its_first_slot() -> None:
         market.wait_for_slot(30)
         market.client.control("stop")
         market.processes["clock"].end()
-        market.start_clock("--speed", "3600x")
+        market.start_clock("--speed", "3600x", "--wait", "0")
         price = it.wait(
             "/v1/price", lambda answer: answer.status_code == 200 and answer.json()["position"] < 20, "a new run"
         )
@@ -93,7 +94,7 @@ def without_journal() -> Iterator[Gateway]:
 
 def test_history_from_the_clock_alone(without_journal: Gateway) -> None:
     it = without_journal
-    last = it.market.wait_for_slot(60).position
+    last = it.wait("/v1/price", lambda answer: position(answer) > 60, "slot 60").json()["position"]
     rows = it.get("/v1/history", params={"until": last})["rows"]
     assert [row["position"] for row in rows] == list(range(last))
     with gateway(it.market, "--journal", str(it.market.journal)) as reads:

@@ -164,3 +164,21 @@ def test_streams_end_with_the_gateway(within: Callable[[Callable[[], Awaitable[N
         await writing
 
     within(test)
+
+
+def test_a_market_that_goes_at_once(within: Callable[[Callable[[], Awaitable[None]]], None]) -> None:
+    """It came while a frame was just out, a client joined, and it went before the next frame."""
+
+    async def test() -> None:
+        feed = Feed()
+        live = Frames(feed)
+        writing = asyncio.create_task(live.run())
+        feed.set_present(True)
+        async with aclosing(live.follow(None)) as following:
+            assert (await anext(following)).events == b'event: market\ndata: {"present":true}\n\n'
+            feed.set_present(False)
+            assert (await anext(following)).events == b'event: market\ndata: {"present":false}\n\n'
+        feed.end()
+        await writing
+
+    within(test)
