@@ -60,7 +60,7 @@ class AgentSession(ABC, Generic[Seen]):
         Raises
         ------
         ZengridError
-            Where the clock refuses this agent.
+            Where the clock refuses this agent, or its policy cannot go on.
         """
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, _stop)

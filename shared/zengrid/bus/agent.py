@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable
 from types import TracebackType
 from typing import NamedTuple, Self
@@ -27,6 +28,9 @@ from zengrid.wire.requests import (
     ScenarioRequest,
 )
 
+ATTEMPT_S = 2.0
+RETRY_S = 0.1
+"""Longest wait for an answer to one question to join, and the pause before the next."""
 BACKLOG = 64
 """Observations kept for an agent that is slower than the market; the oldest wait, Zenoh holds back the rest."""
 
@@ -42,16 +46,18 @@ class Arrival(NamedTuple):
 
 
 class AgentLink:
-    """One agent's session. Use it with ``with``; call ``join``, then ``receive`` and ``act`` in turn."""
+    """One agent's session. Use it with ``with``; call ``join`` and ``ready``, then ``receive`` and ``act`` in turn."""
 
     def __init__(self, agent: str, run: str, endpoint: str = DEFAULT_ENDPOINT, *, timeout_s: float = 30.0) -> None:
         self.agent = agent
         self.keys = Keys(run)
         self.timeout_s = timeout_s
         self._session = open_client(endpoint, timeout_s=timeout_s)
+        self._closed = threading.Event()
         self._token: zenoh.LivelinessToken | None = None
         try:
-            # The subscriber stands before the token says that this agent is ready: no first observation is lost.
+            # The subscriber stands before the token says that this agent is ready: no first observation is lost. A
+            # channel, not a callback: an answer that waits for a dying link would hold up Zenoh's own threads.
             self._observations = self._session.declare_subscriber(
                 self.keys.observation(agent), handlers.FifoChannel(BACKLOG)
             )
@@ -68,16 +74,25 @@ class AgentLink:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._session.close()
+        self.close()
 
     def close(self) -> None:
-        """End the session; ``receive`` returns."""
+        """End the session."""
+        self._closed.set()
         self._session.close()
 
     def join(self, wish: JoinRequest, timeout_s: float = 10.0) -> JoinReply:
         """Take part; raises RefusedError with the clock's reason. Joining again with the same instance is harmless."""
         self._await_clock()
-        return request(self._session, self.keys.join, wish, JoinReply, timeout_s)
+        until = time.monotonic() + timeout_s
+        while True:
+            try:
+                return request(self._session, self.keys.join, wish, JoinReply, ATTEMPT_S)
+            except BusError:
+                # After a link was lost the clock's token can be back before its questions are: ask again.
+                if time.monotonic() > until:
+                    raise
+                self._closed.wait(RETRY_S)
 
     def _await_clock(self) -> None:
         """Wait for the clock's token: a clock listens for a while before it answers, and asking then finds nobody."""
@@ -95,7 +110,7 @@ class AgentLink:
         watching.undeclare()
 
     def ready(self) -> None:
-        """Show that this agent answers from now on: the last thing to do before ``receive``."""
+        """Show that this agent answers from now on: the last thing to do before observations come."""
         if self._token is None:
             self._token = self._session.liveliness().declare_token(self.keys.alive(self.agent))
 

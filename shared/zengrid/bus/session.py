@@ -81,6 +81,8 @@ def open_client(endpoint: str = DEFAULT_ENDPOINT, *, timeout_s: float = 30.0) ->
             "connect/timeout_ms": int(timeout_s * 1000),
             "connect/exit_on_failure": True,
             "connect/retry": {"period_init_ms": 20, "period_max_ms": 500, "period_increase_factor": 1.5},
+            # An answer must not wait for long on a link that died meanwhile: a new one is made at once [us].
+            "transport/link/tx/queue/congestion_control/block/wait_before_close": 100_000,
             # What this node announces about itself: a stopped process is given up after this time [ms].
             "transport/link/tx/lease": 3000,
         },
