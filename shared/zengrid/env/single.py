@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
@@ -30,7 +30,7 @@ class MarketEnv(gymnasium.Env):
         Those of ``zengrid.env.episode.Episode``: ``scenario``, ``observation``, ``part``, ``days``, ``pool``.
     """
 
-    metadata = {"render_modes": []}  # noqa: RUF012 - theirs
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": []}
     render_mode = None
 
     def __init__(self, agent: str = "p1", policies: Mapping[str, str] | None = None, **options: Any) -> None:
