@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -30,7 +30,7 @@ class MarketEnv(gymnasium.Env):
         Those of ``zengrid.env.episode.Episode``: ``scenario``, ``observation``, ``part``, ``days``, ``pool``.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": []}
+    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - theirs
     render_mode = None
 
     def __init__(self, agent: str = "p1", policies: Mapping[str, str] | None = None, **options: Any) -> None:
