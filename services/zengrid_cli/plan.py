@@ -12,7 +12,7 @@ from zengrid.processes import ProcessSpec, Restarts
 if TYPE_CHECKING:
     from zengrid.scenario import Scenario
 
-CLOCK, GRID, GATEWAY, TABLE = "clock", "grid", "gateway", "table"
+CLOCK, GRID, GATEWAY, SPAWNER, TABLE = "clock", "grid", "gateway", "spawner", "table"
 """Names of processes. A home may be called like one of them: prosumers have a prefix of their own."""
 
 HOPELESS_S = 10.0
@@ -77,6 +77,11 @@ class Plan:
         return self._spec(
             GATEWAY, "zengrid_cli.after_first_slot", [*words, "--journal", self.options.journal], restarts=Restarts()
         )
+
+    def spawner(self) -> ProcessSpec:
+        """Starts the homes that are added on the web page, as processes of its own."""
+        words = [self.endpoint, self.options.run, "zengrid_spawner", *self._bus, "--logs", str(self.folder)]
+        return self._spec(SPAWNER, "zengrid_cli.after_first_slot", words, restarts=Restarts())
 
     def table(self, where: str, *, live: bool) -> ProcessSpec:
         """What is shown while the market runs, in a process of its own: it opens a session, the supervisor must not."""

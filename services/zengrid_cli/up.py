@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from zengrid.processes import Event, Signals, Supervisor, describe
 from zengrid_cli.endpoint import choose_endpoint, choose_http_port
 from zengrid_cli.options import HTTP_PORT, up_parser
-from zengrid_cli.plan import CLOCK, GATEWAY, TABLE, Plan
+from zengrid_cli.plan import CLOCK, GATEWAY, SPAWNER, TABLE, Plan
 
 if TYPE_CHECKING:
     from zengrid.scenario import Scenario
@@ -73,6 +73,7 @@ class Local:
         """Start what only watches."""
         if self.port is not None:
             self.supervisor.start(self.plan.gateway(self.port))
+            self.supervisor.start(self.plan.spawner())
         if self.options.quiet:
             return
         page = "" if self.port is None else f"http://127.0.0.1:{self.port}   "
@@ -116,8 +117,8 @@ class Local:
     def _dismiss(self, *, told: bool) -> None:
         """Agents that were told of the end leave by themselves; all others are asked to."""
         self.supervisor.release()
-        for name in self.supervisor.alive((TABLE, GATEWAY)):
-            self.supervisor.stop(name)
+        for name in self.supervisor.alive((TABLE, GATEWAY, SPAWNER)):
+            self.supervisor.stop(name, within_s=LEAVE_S)
         if told and self.supervisor.look_after(self.signals, within_s=LEAVE_S) is not None:
             return
         for name in self.supervisor.alive():
