@@ -4,7 +4,7 @@
 
 A market of the paper (clock, grid agent, three prosumers, journal on) runs as fast as it can; the gateway is one
 process with one event loop. ``wrk`` (Debian: ``apt install wrk``) asks for the price; live streams are counted by a
-client of this script, in a process of its own. Everything shares the machine: the market, the gateway and those who ask.
+client of this script, in a process of its own. Everything shares the machine: market, gateway and those who ask.
 """
 
 from __future__ import annotations
