@@ -27,7 +27,7 @@ from zengrid.bus.client import Client
 from zengrid.errors import BusError
 from zengrid.testing import free_endpoint, free_port
 
-PAGES = ["README.md", "docs/getting-started.md", "docs/own-agent.md", "docs/scenarios.md"]
+PAGES = ["README.md", "docs/getting-started.md", "docs/http.md", "docs/own-agent.md", "docs/scenarios.md"]
 ELSEWHERE = {
     "make": "installs; `make up` is taken for the command that it ends with",
     "source": "the environment is active already",
@@ -143,8 +143,8 @@ class Terminal:
             command, process = self.running.pop()
             if process.poll() is None:
                 os.killpg(process.pid, signal.SIGINT)
-            # The second: it was about to end when the signal came.
-            assert process.wait(ENDS_S) in (0, -signal.SIGINT), f"$ {command}\n{self.logs()}"
+            # The others: it was about to begin, or to end, when the signal came.
+            assert process.wait(ENDS_S) in (0, 130, -signal.SIGINT), f"$ {command}\n{self.logs()}"
 
     def kill(self) -> None:
         """Leave nothing behind."""

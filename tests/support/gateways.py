@@ -72,10 +72,14 @@ def gateway(market: Market, *options: str) -> Iterator[Gateway]:
 
 
 @contextmanager
-def running(*clock_options: str, journal: bool = True, spawner: tuple[str, ...] = ()) -> Iterator[Gateway]:
-    """A whole market of the paper with its gateway and a spawner."""
+def running(
+    *clock_options: str, journal: bool = True, spawner: tuple[str, ...] = (), rest: str = "conventional"
+) -> Iterator[Gateway]:
+    """A whole market of the paper with its gateway and a spawner; all homes but the first play ``rest``."""
     with Market("paper", clock_options) as market:
-        market.start_agents("p1", "p2", "p3", grid_policy="tou:0.05,11:00=0.07,17:00=0.1")
+        market.start_agents("p1", grid_policy="tou:0.05,11:00=0.07,17:00=0.1")
+        for agent in ("p2", "p3"):
+            market.start_prosumer(agent, "--policy", rest)
         start_spawner(market, *spawner)
         market.wait_for_slots(2)
         with gateway(market, *(("--journal", str(market.journal)) if journal else ())) as it:

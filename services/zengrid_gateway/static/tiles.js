@@ -67,11 +67,14 @@ export function drawReserve(slot, conventional, most) {
   text("reserve-kw", on ? kw(reserve) : "");
   const without = conventional ? sum(conventional.slice(1)) : null;
   if (without !== null) text("reserve-text", compare(reserve, without));
-  const scale = Math.max(most || 0, base + reserve, without === null ? 0 : sum(conventional), 1);
+  const scale = Math.max(most || 0, base + reserve + slot.injection_kw, without === null ? 0 : sum(conventional), 1);
   const mark = without === null ? "" : `<span class="ghost" style="left:calc(${100 * sum(conventional) / scale}% - 1px)" title="without demand response"></span>`;
-  $("supply").innerHTML = `<i class="b" style="width:${100 * base / scale}%"></i><i class="r" style="width:${100 * reserve / scale}%"></i>${mark}`;
-  $("supply").setAttribute("aria-label", `base ${kw(base)}, reserve ${kw(reserve)}`);
-  text("supply-text", `Base ${kw(base)}${on ? ` + reserve ${kw(reserve)}` : ""} meet ${kw(slot.demand_kw)} of demand`);
+  const parts = [["base", base], ["reserve", reserve], ["homes", slot.injection_kw]];
+  const shown = parts.filter(([name, power]) => name === "base" || tidy(power) > 0);
+  $("supply").innerHTML = shown.map(([name, power]) => `<i class="${name}" style="width:${100 * power / scale}%"></i>`).join("") + mark;
+  const supply = shown.map(([name, power]) => `${name} ${kw(power)}`).join(" + ");
+  $("supply").setAttribute("aria-label", supply);
+  text("supply-text", `${supply} for ${kw(slot.demand_kw)} of demand`.replace(/^b/, "B"));
 }
 
 function compare(reserve, without) {
