@@ -5,15 +5,17 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from itertools import accumulate
 from typing import Annotated
 
+import prometheus_client
 from fastapi import APIRouter, Depends, Response
-from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, Histogram, ProcessCollector, generate_latest
-from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
+from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, ProcessCollector, generate_latest
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
 from prometheus_client.registry import Collector
 from starlette.requests import HTTPConnection
 
-from zengrid.wire.requests import Status
+from zengrid.wire.requests import Histogram, Status
 from zengrid_gateway.frames import Frames
 from zengrid_gateway.link import MarketLink
 from zengrid_gateway.problems import documented
@@ -87,21 +89,23 @@ def _market(status: Status) -> Iterator[Metric]:
 
 
 def _latencies(status: Status) -> Iterator[Metric]:
-    """Quantiles over the recent slots, as the clock measures them."""
-    times = status.latency
-    phases = GaugeMetricFamily(
-        "zengrid_phase_seconds", "Time from an observation to the last awaited answer.", labels=["phase", "quantile"]
+    """Since the clock was started, as it measures them."""
+    phases = HistogramMetricFamily(
+        "zengrid_phase_seconds", "Time from an observation to the last awaited answer.", labels=["phase"]
     )
     for phase in ("price", "battery"):
-        for quantile, percent in (("0.5", 50), ("0.99", 99)):
-            phases.add_metric([phase, quantile], getattr(times, f"{phase}_p{percent}_ms") / 1000)
+        times = getattr(status.latency, phase)
+        phases.add_metric([phase], *_buckets(times))
     yield phases
-    commits = GaugeMetricFamily(
-        "zengrid_journal_lag_seconds", "Time from a settlement until it is in the journal.", labels=["quantile"]
-    )
-    commits.add_metric(["0.5"], times.commit_p50_ms / 1000)
-    commits.add_metric(["0.99"], times.commit_p99_ms / 1000)
-    yield commits
+    lag = HistogramMetricFamily("zengrid_journal_lag_seconds", "Time from a settlement until it is in the journal.")
+    lag.add_metric([], *_buckets(status.latency.commit))
+    yield lag
+
+
+def _buckets(times: Histogram) -> tuple[list[tuple[str, float]], float]:
+    """Cumulated, as Prometheus wants them; and the sum. [s]"""
+    bounds = [f"{bound / 1000:g}" for bound in times.bounds_ms] + ["+Inf"]
+    return list(zip(bounds, map(float, accumulate(times.counts)), strict=True)), times.sum_ms / 1000
 
 
 def _agents(status: Status) -> Iterator[Metric]:
@@ -132,7 +136,7 @@ class Metrics:
         self._registry = CollectorRegistry()
         self._registry.register(MarketCollector(link, frames))
         ProcessCollector(registry=self._registry)
-        self._times = Histogram(
+        self._times = prometheus_client.Histogram(
             "zengrid_http_seconds",
             "Time to begin an answer.",
             labelnames=["route", "status"],

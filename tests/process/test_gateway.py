@@ -254,7 +254,10 @@ def test_metrics(gateway: Gateway) -> None:
     lines = dict(line.rsplit(" ", 1) for line in text.splitlines() if not line.startswith("#"))
     assert float(lines["zengrid_market_up"]) == 1
     assert float(lines["zengrid_slots_total"]) > 0
-    assert 'zengrid_phase_seconds{phase="price",quantile="0.99"}' in lines
+    slots = float(lines['zengrid_phase_seconds_count{phase="price"}'])
+    assert slots > 0
+    assert float(lines['zengrid_phase_seconds_bucket{le="+Inf",phase="price"}']) == slots
+    assert float(lines["zengrid_journal_lag_seconds_sum"]) > 0
     assert 'zengrid_fallbacks_total{agent="p1"}' in lines
     assert float(lines['zengrid_http_seconds_count{route="/v1/price",status="200"}']) > 0
 

@@ -7,8 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from zengrid.wire.requests import AgentStatus, HomesStatus, Latency, Status, Totals
+from zengrid.wire.requests import AgentStatus, Histogram, HomesStatus, Latency, Status, Totals
 from zengrid.wire.slots import SettledSlot
+
+
+def latency() -> Latency:
+    """Two slots, with the same times for every phase."""
+    times = Histogram(bounds_ms=(1.0, 2.0), counts=(0, 2, 0), sum_ms=2.5)
+    percentiles = {name: 1.25 for name in Latency.model_fields if name.endswith("_ms")}
+    return Latency(price=times, battery=times, commit=times, **percentiles)
 
 
 def agent(name: str, homes: int = 1, **changes: Any) -> AgentStatus:
@@ -55,7 +62,7 @@ def status(sizes: Sequence[int] = (1, 1, 1), scale: float = 1.0, **changes: Any)
             conventional_bills=100.0 * scale, reserve_kwh=70.0 * scale, conventional_reserve_kwh=100.0 * scale,
             curtailed_kwh=0.0, unserved_kwh=0.0,
         ),
-        "refused": {}, "latency": Latency.model_validate(dict.fromkeys(Latency.model_fields.keys() - {"v"}, 1.25)),
+        "refused": {}, "latency": latency(),
         "agents": (grid, *(agent(name, size) for name, size in zip(names, sizes, strict=True))), "homes": columns,
     }  # fmt: skip
     return Status(**{**fields, **changes})

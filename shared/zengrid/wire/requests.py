@@ -139,6 +139,14 @@ class Totals(Message):
     unserved_kwh: float
 
 
+class Histogram(Message):
+    """How often something took how long, since the clock was started."""
+
+    bounds_ms: tuple[float, ...] = Field(description="Upper bounds of all classes but the last, which has none [ms].")
+    counts: tuple[int, ...] = Field(description="Number in each class.")
+    sum_ms: float = Field(description="All together [ms].")
+
+
 class Latency(Message):
     """Time from publishing an observation to the last awaited answer, over recent slots [ms]."""
 
@@ -148,6 +156,9 @@ class Latency(Message):
     battery_p99_ms: float
     commit_p50_ms: float
     commit_p99_ms: float
+    price: Histogram
+    battery: Histogram
+    commit: Histogram
 
 
 class Status(Message):
