@@ -14,7 +14,7 @@ from zengrid.wire.slots import SettledSlot
 def latency() -> Latency:
     """Two slots, with the same times for every phase."""
     times = Histogram(bounds_ms=(1.0, 2.0), counts=(0, 2, 0), sum_ms=2.5)
-    percentiles = {name: 1.25 for name in Latency.model_fields if name.endswith("_ms")}
+    percentiles: dict[str, Any] = {name: 1.25 for name in Latency.model_fields if name.endswith("_ms")}
     return Latency(price=times, battery=times, commit=times, **percentiles)
 
 
