@@ -58,5 +58,5 @@ $(BIN)/python:
 	@touch $@
 
 .venv/.dev: .venv/.base
-	$(PIP_INSTALL) '.[dev]'
+	$(PIP_INSTALL) '.[dev,env,learn]'
 	@touch $@
