@@ -128,7 +128,7 @@ class Evaluation:
         }
 
 
-def plain(values: Outcome | Changes | Gap) -> dict[str, Any]:
+def plain(values: NamedTuple) -> dict[str, Any]:
     """Lists instead of arrays."""
     return {name: v.tolist() if isinstance(v, np.ndarray) else v for name, v in values._asdict().items()}
 

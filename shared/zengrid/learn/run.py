@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -13,9 +13,9 @@ import torch
 from zengrid import __version__
 from zengrid.core.observe import ObservationKind
 from zengrid.errors import PolicyError
-from zengrid.learn.evaluation import Changes, Evaluator, Trained
+from zengrid.learn.evaluation import Changes, Evaluator, Outcome, Trained, plain
 from zengrid.learn.settings import Settings
-from zengrid.learn.training import Training
+from zengrid.learn.training import Earned, Training
 from zengrid.scenario import Scenario
 from zengrid.scenario.files import loads
 
@@ -76,6 +76,10 @@ class Report(NamedTuple):
     """of each market, as it is [%]"""
     best: list[Changes]
     """of each market, as it was at its best [%]"""
+    agents: list[Outcome]
+    """of each market, as it is, on the days for the choice"""
+    earned: list[Earned]
+    """of each day of training since the last report"""
 
 
 class Run:
@@ -100,6 +104,7 @@ class Run:
         made = {id(s): Evaluator.for_choice(s, plan.settings.pool, CHOICE_DAYS) for s in plan.scenarios}
         self.choosers = [made[id(scenario)] for scenario in plan.scenarios]
         self.seconds = 0.0
+        self._earned: list[Earned] = []
         self.best: list[Changes | None] = [None] * len(plan.seeds)
         folder.mkdir(parents=True, exist_ok=True)
         (folder / SCENARIO).write_text(plan.scenarios[0].dump(), encoding="utf-8")
@@ -150,7 +155,7 @@ class Run:
         ends = training.done
         while not ends:
             start = time.perf_counter()
-            training.day()
+            self._earned.append(training.day())
             self.seconds += time.perf_counter() - start
             day += 1
             late = most_seconds is not None and self.seconds >= most_seconds
@@ -162,23 +167,28 @@ class Run:
 
     def evaluate(self) -> Report:
         """How all markets fare; keeps the best policies."""
-        now = []
+        now, agents = [], []
         for place, trained in enumerate(self.training.trained(notes=self.notes())):
-            changes = self.choosers[place].evaluate_trained(trained, gaps=False).changes
+            evaluation = self.choosers[place].evaluate_trained(trained, gaps=False)
+            changes = evaluation.changes
             known = self.best[place]
             if known is None or changes.joint_gain > known.joint_gain:
                 self.best[place] = changes
                 self._write("best", place, trained)
             self._write("last", place, trained)
             now.append(changes)
+            agents.append(evaluation.agents)
         training = self.training
-        agents = sum(1 + len(scenario.homes) for scenario in self.plan.scenarios)
+        deciding = sum(1 + len(scenario.homes) for scenario in self.plan.scenarios)
+        best = [changes for changes in self.best if changes is not None]
         report = Report(
-            training.step, training.settings.steps, self.seconds, training.step * training.settings.days * agents,
-            now, [changes for changes in self.best if changes is not None],
+            training.step, training.settings.steps, self.seconds, training.step * training.settings.days * deciding,
+            now, best, agents, self._earned,
         )  # fmt: skip
+        self._earned = []
+        lists = {name: [plain(one) for one in getattr(report, name)] for name in ("now", "best", "agents", "earned")}
         with (self.folder / PROGRESS).open("a", encoding="utf-8") as file:
-            file.write(json.dumps({**report._asdict(), "now": _plain(now), "best": _plain(report.best)}) + "\n")
+            file.write(json.dumps({**report._asdict(), **lists}) + "\n")
         return report
 
     def notes(self) -> dict[str, Any]:
@@ -210,7 +220,3 @@ class Run:
 def use_threads(count: int) -> None:
     """How many threads networks are evaluated with. They are small: more than two seldom help."""
     torch.set_num_threads(count)
-
-
-def _plain(changes: Sequence[Changes]) -> list[dict[str, Any]]:
-    return [{"bill": c.bill.tolist(), "profit": c.profit, "reserve": c.reserve} for c in changes]

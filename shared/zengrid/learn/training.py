@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import torch
@@ -12,7 +12,8 @@ from torch import Tensor
 
 from zengrid.core.levels import level_commands, level_fractions
 from zengrid.core.observe import ObservationKind, grid_features, prosumer_features
-from zengrid.core.state import Exogenous
+from zengrid.core.settle import total
+from zengrid.core.state import Exogenous, Settlement
 from zengrid.env.vector import VectorMarket, beside, pick, slots_first
 from zengrid.errors import PolicyError
 from zengrid.learn.dqn import DQN
@@ -25,6 +26,17 @@ from zengrid.scenario import Scenario
 
 Floats = NDArray[np.float64]
 Which = Literal["averaged", "online"]
+
+
+class Earned(NamedTuple):
+    """What a day of training came to, random actions included: means over the days played side by side."""
+
+    bill: Floats
+    """(market, home) [$]"""
+    profit: Floats
+    """(market,) [$]"""
+    reserve_kwh: Floats
+    """(market,) energy of all facilities but the first [kWh]"""
 
 
 class Training:
@@ -84,6 +96,7 @@ class Training:
         self.prosumers = self._learners(
             len(markets) * homes, self.features[1], first.battery_levels, settings.prosumer, model
         )
+        self._dt_h = first.dt_h
         self._carries = first.soc_reset == "never"
         self.step = 0
         self.loss = (0.0, 0.0)
@@ -108,18 +121,24 @@ class Training:
         """How far it is, 0 to 1."""
         return self.step / self.settings.steps
 
-    def day(self) -> None:
-        """One day of all markets."""
+    def day(self) -> Earned:
+        """One day of all markets; returns what it came to."""
         numbers = self._rng.integers(self.settings.pool, size=self.lead)
         chosen = [pick(pool, index) for pool, index in zip(self._pools, numbers, strict=True)]
         profile = Exogenous(*(np.stack(columns, axis=1) for columns in zip(*chosen, strict=True)))
         soc = None if self._carries and self.step else self.vector.market.homes.soc_initial
         self.vector.begin(profile, soc)
+        settled = []
         while not self.vector.over:
-            self.slot()
+            settled.append(self.slot())
             self.step += 1
+        return Earned(
+            np.sum([slot.bill for slot in settled], axis=0).mean(axis=1),
+            np.sum([slot.profit for slot in settled], axis=0).mean(axis=1),
+            np.sum([total(slot.facility_kw[..., 1:]) for slot in settled], axis=0).mean(axis=1) * self._dt_h,
+        )
 
-    def slot(self) -> None:
+    def slot(self) -> Settlement:
         """One slot: the grids set prices, the prosumers answer, the markets settle; then everybody learns."""
         vector, settings = self.vector, self.settings
         kind, (markets, days) = self.observation, self.lead
@@ -143,6 +162,7 @@ class Training:
                 if self.step % learning.every == 0:
                     for _ in range(learning.updates):
                         learners.learn(self.progress)
+        return settled
 
     def _tensor(self, values: Floats | NDArray[np.float32]) -> Tensor:
         return torch.from_numpy(np.ascontiguousarray(values, dtype=np.float32)).to(self.device)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ import torch
 from zengrid.env.facts import market_facts
 from zengrid.errors import PolicyError
 from zengrid.learn.evaluation import Changes, Evaluator, Trained, reaches
-from zengrid.learn.run import Plan, Report, Run
+from zengrid.learn.run import PROGRESS, Plan, Report, Run
 from zengrid.learn.settings import Settings
 from zengrid.learn.training import Training
 from zengrid.policy.file import PolicyFile
@@ -115,6 +116,13 @@ def test_a_run_keeps_the_best_and_resumes(tmp_path: Path) -> None:
     assert straight.go(reports.append, every=2)
     assert same(resumed.training.trained(), straight.training.trained())
     assert [c.joint_gain for c in resumed.best if c] == [c.joint_gain for c in straight.best if c]
+    earned = [day for report in reports for day in report.earned]
+    assert len(earned) == 10 + 10  # of the stopped and resumed run, and of the straight one
+    assert earned[0].bill.shape == (2, 3)
+    assert all((a.profit == b.profit).all() for a, b in zip(earned[:10], earned[10:], strict=True))
+    written = [json.loads(line) for line in (tmp_path / "a" / PROGRESS).read_text().splitlines()]
+    assert [day["profit"] for line in written for day in line["earned"]] == [d.profit.tolist() for d in earned[:10]]
+    assert len(written[0]["agents"]) == 2
     least = [r.best[0].joint_gain for r in reports[-5:]]
     assert least == sorted(least)
     names = sorted(path.name for path in (tmp_path / "a").glob("*.safetensors"))
