@@ -17,9 +17,11 @@ from zengrid.wire.requests import AgentStatus, PolicyReply, PolicyRequest, Statu
 from zengrid_gateway.archive import Archive, ArchiveOf
 from zengrid_gateway.link import Link, MarketLink
 from zengrid_gateway.problems import FieldError, Problem, documented
-from zengrid_gateway.quantities import ROWS, QuantityError, candidates, observations, present
+from zengrid_gateway.quantities import QuantityError, candidates, observations, present
 from zengrid_gateway.shelf import Shelf, ShelfOf, answer, home_spec
 
+ROWS = 10_000
+"""Most observations in one question."""
 BATCH_NUMBERS = 2000
 """Numbers in a message that fits one of Zenoh's batches of 64 KiB."""
 
@@ -27,6 +29,12 @@ router = APIRouter(tags=["policies"])
 
 Agent = Annotated[AgentId, Path(examples=["p1"])]
 Number = Annotated[float, Field(ge=-1e9, le=1e9)]
+Numbers = Annotated[list[Number], Field(min_length=1, max_length=ROWS)]
+ONE_OF_BOTH: list[Any] = [
+    {"required": ["quantities"], "properties": {"quantities": {"type": "object"}}},
+    {"required": ["observations"], "properties": {"observations": {"type": "array"}}},
+]
+"""In the schema, what the validation of a question says: one of the two, and the other left out or null."""
 EXAMPLES: list[Any] = [
     {"quantities": {"soc": [0.1, 0.5, 0.9], "pv_kw": 2.5, "load_kw": 1.0, "buy_price": 0.07, "hour": 13}},
     {"observations": [[0.5, 2.5, 1.0, 0.07, -0.26, -0.97, 0.095]]},
@@ -76,10 +84,13 @@ class PolicyQuestion(BaseModel):
     """What it is asked: quantities by name, or whole observations."""
 
     model_config = ConfigDict(
-        strict=True, extra="forbid", allow_inf_nan=False, json_schema_extra={"examples": EXAMPLES}
+        strict=True,
+        extra="forbid",
+        allow_inf_nan=False,
+        json_schema_extra={"examples": EXAMPLES, "oneOf": ONE_OF_BOTH},
     )
 
-    quantities: dict[str, Number | list[Number]] | None = Field(
+    quantities: dict[str, Number | Numbers] | None = Field(
         default=None,
         description="Numbers, or lists of one length; `hour` gives the time of day. What is left out is as it is now.",
     )

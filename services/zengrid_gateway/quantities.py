@@ -8,9 +8,6 @@ from collections.abc import Mapping, Sequence
 from zengrid.core.observe import ObservationKind, grid_features, prosumer_features
 from zengrid.wire.requests import Status
 
-ROWS = 10_000
-"""Most observations in one question."""
-
 
 class QuantityError(ValueError):
     """A quantity that cannot be used: which, its value, and what is allowed."""
@@ -63,7 +60,7 @@ def observations(
     Raises
     ------
     QuantityError
-        A name that the policy does not ask for, lists of different lengths, or too many rows.
+        A name that the policy does not ask for, lists of different lengths, or no present value.
     """
     names = [name for name in features if name not in ("time_sin", "time_cos")]
     names += ["hour"] if "time_sin" in features else []
@@ -73,10 +70,8 @@ def observations(
     lengths = {name: len(value) for name, value in given.items() if not isinstance(value, float | int)}
     rows = max(lengths.values(), default=1)
     for name, length in lengths.items():
-        if length != rows or not 1 <= length <= ROWS:
-            raise QuantityError(
-                name, f"{length} values", f"lists must have one length, from 1 to {ROWS}; the longest has {rows}"
-            )
+        if length != rows:
+            raise QuantityError(name, f"{length} values", f"lists must have one length; the longest has {rows}")
     columns = {}
     for name in names:
         if name not in given and name not in now:
