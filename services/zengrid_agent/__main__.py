@@ -11,6 +11,7 @@ os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # looking for plug
 
 from zengrid.bus.options import add_bus_options
 from zengrid.errors import ZengridError
+from zengrid_agent.learning import add_learning_options
 
 
 def parser() -> argparse.ArgumentParser:
@@ -60,6 +61,7 @@ def parser() -> argparse.ArgumentParser:
             metavar="S",
             help="longest wait for the clock (default: %(default)s s)",
         )
+        add_learning_options(role)
         add_bus_options(role)
     return it
 

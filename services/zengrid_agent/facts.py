@@ -29,4 +29,5 @@ def market_facts(market: JoinReply, homes: Sequence[HomeLimits]) -> MarketFacts:
         homes=Homes(*(np.array([getattr(home, name) for home in homes], dtype=np.float64) for name in _FIELDS)),
         soc_reset=market.soc_reset,
         scenario=market.scenario,
+        pv_kw=tuple(home.pv_kw for home in homes),
     )

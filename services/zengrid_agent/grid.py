@@ -9,13 +9,15 @@ import numpy as np
 from zengrid.bus.agent import AgentLink
 from zengrid.core.observe import grid_features
 from zengrid.policy.facts import MarketFacts
+from zengrid.policy.network import GridNetwork
 from zengrid.policy.registry import make_grid_policy
 from zengrid.policy.views import GridView
 from zengrid.wire.requests import JoinReply, JoinRequest, PolicyReply, PolicyRequest
 from zengrid.wire.slots import GridAction, GridObservation
 from zengrid_agent.answers import policy_reply, slot_of
 from zengrid_agent.facts import market_facts
-from zengrid_agent.session import AgentSession, new_instance
+from zengrid_agent.learning import Learning
+from zengrid_agent.session import AgentSession, new_instance, say
 
 
 class Grid(AgentSession[GridObservation]):
@@ -23,9 +25,10 @@ class Grid(AgentSession[GridObservation]):
 
     observation = GridObservation
 
-    def __init__(self, link: AgentLink, wish: JoinRequest) -> None:
+    def __init__(self, link: AgentLink, wish: JoinRequest, learning: Learning | None = None) -> None:
         super().__init__(link, wish)
         self._facts: MarketFacts | None = None
+        self._learning = learning
 
     def welcome(self, market: JoinReply) -> None:
         """Make the policy for this market."""
@@ -33,6 +36,8 @@ class Grid(AgentSession[GridObservation]):
             self._facts = market_facts(market, ())
             self._levels = np.array(market.buy_prices)
             self._policy = make_grid_policy(self.wish.policy, self._facts)
+            if self._learning is not None:
+                say(self._learning.begin(self._facts, self.wish.policy))
 
     def act(self, seen: GridObservation) -> GridAction:
         """Set the price."""
@@ -49,6 +54,15 @@ class Grid(AgentSession[GridObservation]):
             seen.sell_price,
             self._levels,
         )
+        price = None
+        if self._learning is not None:
+            learner = self._learning.grid
+            if seen.settled is not None:
+                last = seen.settled
+                learner.hear(last.day, last.slot, last.reward, last.buy_price)
+            price = learner.act(view)
+        if price is None:
+            price = float(self._policy.act(view))
         return GridAction.trusted(
             v=1,
             run=seen.run,
@@ -56,8 +70,18 @@ class Grid(AgentSession[GridObservation]):
             slot=seen.slot,
             phase="price",
             instance=self.wish.instance,
-            buy_price=float(self._policy.act(view)),
+            buy_price=price,
         )
+
+    def reflect(self) -> None:
+        """Learn, once the price has left."""
+        if self._learning is not None:
+            self._learning.reflect()
+
+    def part(self) -> None:
+        """Keep what was learned."""
+        if self._learning is not None:
+            self._learning.save()
 
     def answer(self, wish: PolicyRequest) -> PolicyReply:
         """What the policy would do, row by row."""
@@ -70,7 +94,10 @@ class Grid(AgentSession[GridObservation]):
             view = GridView(0, slot_of(row, facts), facts.dt_h, cost, None, *outcome, self._levels)
             return float(self._policy.act(view))
 
-        return policy_reply(self.wish.agent, self._policy, grid_features("public", facts.facilities, 0), wish, act)
+        policy = self._policy
+        if self._learning is not None and not self._learning.grid.watches:
+            policy = GridNetwork(self._learning.grid.file(), facts)
+        return policy_reply(self.wish.agent, policy, grid_features("public", facts.facilities, 0), wish, act)
 
 
 def play(options: argparse.Namespace) -> None:
@@ -83,5 +110,6 @@ def play(options: argparse.Namespace) -> None:
         observation=options.observation,
         encoding=options.encoding,
     )
+    learning = Learning(options, "grid", "grid") if options.learn else None
     with AgentLink("grid", options.run, options.connect, timeout_s=options.timeout) as link:
-        Grid(link, wish).live()
+        Grid(link, wish, learning).live()

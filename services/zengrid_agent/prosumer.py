@@ -13,15 +13,17 @@ from zengrid.bus.agent import AgentLink
 from zengrid.core.observe import prosumer_features
 from zengrid.errors import PolicyError, ScenarioError
 from zengrid.policy.facts import Foresight
+from zengrid.policy.network import ProsumerNetwork
 from zengrid.policy.registry import make_prosumer_policy
-from zengrid.policy.views import ProsumerView
+from zengrid.policy.views import ProsumerPolicy, ProsumerView
 from zengrid.scenario.home import HomeSpec
 from zengrid.wire.codec import explain
 from zengrid.wire.requests import JoinReply, JoinRequest, PolicyReply, PolicyRequest
 from zengrid.wire.slots import FleetAction, FleetObservation
 from zengrid_agent.answers import policy_reply, slot_of
 from zengrid_agent.facts import market_facts
-from zengrid_agent.session import AgentSession, new_instance
+from zengrid_agent.learning import Learning
+from zengrid_agent.session import AgentSession, new_instance, say
 
 
 class Prosumer(AgentSession[FleetObservation]):
@@ -29,9 +31,10 @@ class Prosumer(AgentSession[FleetObservation]):
 
     observation = FleetObservation
 
-    def __init__(self, link: AgentLink, wish: JoinRequest) -> None:
+    def __init__(self, link: AgentLink, wish: JoinRequest, learning: Learning | None = None) -> None:
         super().__init__(link, wish)
         self._market: JoinReply | None = None
+        self._learning = learning
 
     def welcome(self, market: JoinReply) -> None:
         """Make the policy for these homes."""
@@ -42,6 +45,8 @@ class Prosumer(AgentSession[FleetObservation]):
             facts = replace(facts, foresight=self._foresight(market))
         self._dt_h, self._homes = facts.dt_h, facts.homes
         self._policy = make_prosumer_policy(self.wish.policy, facts)
+        if self._learning is not None:
+            say(self._learning.begin(facts, self.wish.policy))
         self._market = market
 
     def _foresight(self, market: JoinReply) -> Foresight:
@@ -66,6 +71,15 @@ class Prosumer(AgentSession[FleetObservation]):
             seen.sell_price,
             self._homes,
         )
+        battery_kw = None
+        if self._learning is not None:
+            learner = self._learning.prosumer
+            if seen.settled is not None:
+                last = seen.settled
+                learner.hear(last.day, last.slot, last.reward, last.fallback)
+            battery_kw = learner.act(view)
+        if battery_kw is None:
+            battery_kw = self._policy.act(view)
         return FleetAction.trusted(
             v=1,
             run=seen.run,
@@ -73,8 +87,18 @@ class Prosumer(AgentSession[FleetObservation]):
             slot=seen.slot,
             phase="battery",
             instance=self.wish.instance,
-            battery_kw=self._policy.act(view),
+            battery_kw=battery_kw,
         )
+
+    def reflect(self) -> None:
+        """Learn, once the commands have left."""
+        if self._learning is not None:
+            self._learning.reflect()
+
+    def part(self) -> None:
+        """Keep what was learned."""
+        if self._learning is not None:
+            self._learning.save()
 
     def answer(self, wish: PolicyRequest) -> PolicyReply:
         """What the policy would do with one home, row by row."""
@@ -84,7 +108,11 @@ class Prosumer(AgentSession[FleetObservation]):
             names = ", ".join(home.id for home in self._market.homes[:10])
             raise PolicyError(f"home = {wish.home}: {self.wish.agent} plays {names}")
         facts = market_facts(self._market, homes[:1])
-        policy = make_prosumer_policy(self.wish.policy, facts)
+        policy: ProsumerPolicy
+        if self._learning is not None and not self._learning.prosumer.watches:
+            policy = ProsumerNetwork(self._learning.prosumer.file(), facts)
+        else:
+            policy = make_prosumer_policy(self.wish.policy, facts)
 
         def act(row: dict[str, float]) -> float:
             soc, pv_kw, load_kw = (np.array([row[name]]) for name in ("soc", "pv_kw", "load_kw"))
@@ -107,8 +135,9 @@ def play(options: argparse.Namespace) -> None:
         observation=options.observation,
         encoding=options.encoding,
     )
+    learning = Learning(options, options.id, "prosumer") if options.learn else None
     with AgentLink(options.id, options.run, options.connect, timeout_s=options.timeout) as link:
-        Prosumer(link, wish).live()
+        Prosumer(link, wish, learning).live()
 
 
 def _home(options: argparse.Namespace) -> HomeSpec:

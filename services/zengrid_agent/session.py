@@ -40,6 +40,7 @@ class AgentSession(ABC, Generic[Seen]):
         self.link = link
         self.wish = wish
         self._clock_seen = False
+        self._busy = self._stopping = False
         self._refused: ZengridError | None = None
 
     @abstractmethod
@@ -54,6 +55,12 @@ class AgentSession(ABC, Generic[Seen]):
     def answer(self, wish: PolicyRequest) -> PolicyReply:
         """What the policy would do."""
 
+    def reflect(self) -> None:
+        """What is left to do once an action has left; a signal to stop waits for it."""
+
+    def part(self) -> None:
+        """What is left to do when the agent ends."""
+
     def live(self) -> None:
         """Join, then answer until the market is over.
 
@@ -63,7 +70,7 @@ class AgentSession(ABC, Generic[Seen]):
             Where the clock refuses this agent, or its policy cannot go on.
         """
         for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, _stop)
+            signal.signal(number, self._stop)
         try:
             self.join()
             self.link.serve_policy(self.answer)
@@ -75,6 +82,8 @@ class AgentSession(ABC, Generic[Seen]):
             if self.wish.homes:
                 # Homes that came with this process leave with it.
                 self.link.leave(self.wish.instance)
+        finally:
+            self.part()
         if self._refused is not None:
             raise self._refused
 
@@ -102,9 +111,22 @@ class AgentSession(ABC, Generic[Seen]):
             newer = self.link.pending()
             if newer is None:
                 self.link.act(encode(self.act(seen), arrival.encoding), arrival.encoding)
+                self._reflect()
                 return True
             arrival = newer
         return False
+
+    def _reflect(self) -> None:
+        self._busy = True
+        self.reflect()
+        self._busy = False
+        if self._stopping:
+            raise Stop
+
+    def _stop(self, number: int, frame: FrameType | None) -> None:
+        if not self._busy:
+            raise Stop
+        self._stopping = True
 
     def _clock_changed(self, came: bool) -> None:
         if not came:
@@ -134,7 +156,3 @@ def settle_down() -> None:
 def say(text: str) -> None:
     """One line for whoever started this process."""
     print(text, file=sys.stderr, flush=True)
-
-
-def _stop(number: int, frame: FrameType | None) -> None:
-    raise Stop

@@ -80,6 +80,20 @@ def up_parser() -> argparse.ArgumentParser:
     market.add_argument("--paused", action="store_true", help="stand still before the first slot")
     market.add_argument("--policy", metavar="SPEC", help="what decides for all prosumers (default: conventional)")
     market.add_argument("--grid-policy", metavar="SPEC", help="what decides for the grid agent")
+    learning = it.add_argument_group("learning (needs the extra learn)")
+    learning.add_argument(
+        "--learn", action="store_true", help="all agents learn from what comes of their actions, and go on for ever"
+    )
+    learning.add_argument(
+        "--learned",
+        type=Path,
+        metavar="DIR",
+        help="where what was learned is kept; from there agents go on when started again (default: LOGS/RUN/learned)",
+    )
+    learning.add_argument(
+        "--explore", type=parse_count, metavar="SLOTS", help="slots over which trying out new things fades"
+    )
+    learning.add_argument("--learn-seed", type=int, metavar="N", help="seed of what they try (default: 0)")
     journal = it.add_argument_group("the journal")
     journal.add_argument(
         "--journal",

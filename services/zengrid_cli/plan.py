@@ -61,15 +61,27 @@ class Plan:
     def agents(self, scenario: Scenario) -> list[ProcessSpec]:
         """The grid agent and one process per prosumer agent, be it a home or a fleet."""
         it = self.options
+        learn = self._learning()
         grid = _policy(it.grid_policy)
-        specs = [self._spec(GRID, "zengrid_agent", ["grid", *self._bus, *grid])]
-        policy = _policy(it.policy)
+        specs = [self._spec(GRID, "zengrid_agent", ["grid", *self._bus, *grid, *learn])]
+        policy = (*_policy(it.policy), *learn)
         for agent in scenario.agents:
             words = ["prosumer", "--id", agent.id, *self._bus, *policy]
             if len(agent.homes) >= BINARY_HOMES:
                 words += ["--encoding", "binary"]
             specs.append(self._spec(prosumer_name(agent.id), "zengrid_agent", words))
         return specs
+
+    def _learning(self) -> list[str]:
+        """What agents are told of learning, where they shall."""
+        it = self.options
+        if not it.learn:
+            return []
+        words = ["--learn", "--learned", str(it.learned or self.folder / "learned")]
+        for option in ("explore", "learn_seed"):
+            if getattr(it, option) is not None:
+                words += [f"--{option.replace('_', '-')}", str(getattr(it, option))]
+        return words
 
     def gateway(self, port: int) -> ProcessSpec:
         """The web page; it waits for the market, whose start it would only slow down."""

@@ -60,6 +60,9 @@ class Local:
         scenario = self._load()
         self.plan.folder.mkdir(parents=True, exist_ok=True)
         self.plan.events.write_text("")
+        if self.options.learn:
+            # It takes seconds, which a clock that runs already would count as its agents' delay.
+            import_module("zengrid_agent.learning").load_torch()
         # Without this the first collection in each process would copy all the memory they share.
         gc.freeze()
         self.supervisor.start(self.plan.clock())

@@ -24,4 +24,5 @@ def market_facts(scenario: Scenario, homes: Sequence[str] = ()) -> MarketFacts:
         homes=scenario.market().homes.take(np.array(places, dtype=np.intp)),
         soc_reset=scenario.soc_reset,
         scenario=scenario.name,
+        pv_kw=tuple(scenario.homes[place].pv_kw for place in places),
     )

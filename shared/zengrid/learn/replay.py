@@ -65,7 +65,7 @@ class Replay:
         if filled <= self.n_step:
             raise ValueError(f"{filled} slots remembered: more than n_step = {self.n_step} are needed to draw from")
         shape, device = (self.networks, rows), self.seen.device
-        age = torch.randint(0, filled - self.n_step, shape, generator=generator, device=device)
+        age = self.ages(filled, shape, generator)
         column = self._network + torch.randint(0, self.days, shape, generator=generator, device=device)
         row = (self.written - filled + age) % self.slots
 
@@ -80,6 +80,10 @@ class Replay:
             rest = rest * (self.goes_on[later] * self.gamma)
         seen_next = at(self.seen, (row + self.n_step) % self.slots)
         return Batch(at(self.seen, row), at(self.action, row), reward, seen_next, rest, self.sell_price[row])
+
+    def ages(self, filled: int, shape: tuple[int, int], generator: torch.Generator) -> Tensor:
+        """Which of the slots are drawn, as places behind the oldest, ``(network, row)``."""
+        return torch.randint(0, filled - self.n_step, shape, generator=generator, device=self.seen.device)
 
     def state(self) -> dict[str, Any]:
         """Everything remembered."""

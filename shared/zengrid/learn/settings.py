@@ -48,6 +48,11 @@ class Learning:
     have cost and where it would have led, instead of waiting to have tried it.
     """
 
+    def epsilon(self, progress: float) -> float:
+        """Share of random actions, ``progress`` (0 to 1) into the training: falls linearly, then stays."""
+        left = max(0.0, 1.0 - progress / self.epsilon_until) if self.epsilon_until else 0.0
+        return self.epsilon_end + (self.epsilon_start - self.epsilon_end) * left
+
 
 KINDS = ("grid", "prosumer")
 

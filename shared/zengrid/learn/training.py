@@ -143,10 +143,10 @@ class Training:
         vector, settings = self.vector, self.settings
         kind, (markets, days) = self.observation, self.lead
         seen_grid = self._tensor(self.scales.grid(vector.grid_observation(kind)))
-        price_level = self.grid.act(seen_grid, _epsilon(settings.grid, self.progress))
+        price_level = self.grid.act(seen_grid, settings.grid.epsilon(self.progress))
         buy_price = self.buy_prices[price_level.cpu().numpy()]
         seen_homes = self._by_home(self.scales.prosumer(vector.prosumer_observation(kind, buy_price)))
-        level = self.prosumers.act(seen_homes, _epsilon(settings.prosumer, self.progress))
+        level = self.prosumers.act(seen_homes, settings.prosumer.epsilon(self.progress))
         command_kw = np.take_along_axis(self._commands_kw, level.cpu().numpy().reshape(markets, -1, days), axis=-1)
 
         sell_price = float(vector.now.sell_price.flat[0])
@@ -243,9 +243,3 @@ class Training:
 def _pool(scenario: Scenario, count: int) -> Exogenous:
     days = scenario.days()
     return slots_first(days.days(days.training(count)))
-
-
-def _epsilon(learning: Learning, progress: float) -> float:
-    """Share of random actions: falls linearly, then stays."""
-    left = max(0.0, 1.0 - progress / learning.epsilon_until) if learning.epsilon_until else 0.0
-    return learning.epsilon_end + (learning.epsilon_start - learning.epsilon_end) * left

@@ -21,6 +21,7 @@ class MarketFacts:
     """The part of a market that its agents know.
 
     home_ids, homes: the agent's own homes, in the order of all arrays (none for the grid agent).
+    pv_kw: rated PV power of these homes, where it is known [kW].
     sell_prices: posted tariff, one a slot of the day [$/kWh]. buy_prices: levels the grid may set [$/kWh].
     battery_levels: number of command levels between full discharge and full charge.
     soc_reset: whether batteries begin every day alike or go on as they are. scenario: its name, where there is one.
@@ -38,3 +39,4 @@ class MarketFacts:
     soc_reset: Literal["daily", "never"] = "daily"
     scenario: str = ""
     foresight: Foresight | None = None
+    pv_kw: tuple[float, ...] = ()

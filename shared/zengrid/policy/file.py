@@ -6,7 +6,7 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Self, get_args
@@ -15,7 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zengrid.core.observe import ObservationKind, prosumer_features
+from zengrid.core.params import Homes
 from zengrid.errors import PolicyError
+from zengrid.policy.relative import Relative, relative_features
 
 Floats = NDArray[np.float64]
 Role = Literal["grid", "prosumer"]
@@ -76,6 +78,8 @@ class PolicyFile:
         Whose networks these are, where each home has its own; empty where one serves all.
     training:
         How it was made: scenario, seed, command and the like.
+    relative:
+        Whether it serves homes of any size: it is given what ``zengrid.policy.relative`` makes of an observation.
 
     Raises
     ------
@@ -95,6 +99,7 @@ class PolicyFile:
     name: str
     homes: tuple[str, ...] = ()
     training: Mapping[str, Any] = field(default_factory=dict)
+    relative: bool = False
 
     def __post_init__(self) -> None:
         for name, permitted in (("role", Role), ("observation", ObservationKind), ("activation", Activation)):
@@ -102,8 +107,11 @@ class PolicyFile:
                 raise PolicyError(f"{name} = {getattr(self, name)!r}: permitted are {', '.join(get_args(permitted))}")
         if not self.dt_h > 0.0:
             raise PolicyError(f"dt_h = {self.dt_h!r}: permitted are lengths above 0 h")
-        if self.role == "prosumer" and self.features != prosumer_features(self.observation):
-            wanted = ", ".join(prosumer_features(self.observation))
+        if self.relative and (self.role == "grid" or self.homes):
+            raise PolicyError("relative = true: permitted for a prosumer's network that serves all homes")
+        expected = relative_features if self.relative else prosumer_features
+        if self.role == "prosumer" and self.features != expected(self.observation):
+            wanted = ", ".join(expected(self.observation))
             raise PolicyError(
                 f"features = {', '.join(self.features)}: a prosumer's {self.observation} ones are {wanted}"
             )
@@ -134,6 +142,41 @@ class PolicyFile:
     def hidden(self) -> tuple[int, ...]:
         """Sizes of the layers between input and output."""
         return tuple(layer.bias.shape[-1] for layer in self.layers[:-1])
+
+    def for_homes(self, ids: tuple[str, ...], homes: Homes, pv_kw: Floats) -> Self:
+        """The same policy with a network of its own for each of some homes, to go on learning from.
+
+        Parameters
+        ----------
+        ids, homes, pv_kw:
+            The homes, their batteries, and their rated PV power ``(home,)`` [kW].
+        """
+        if self.homes:
+            strangers = [home for home in ids if home not in self.homes]
+            if strangers:
+                raise PolicyError(f"home {strangers[0]}: the file has networks for {', '.join(self.homes)}")
+            rows = [self.homes.index(home) for home in ids]
+            return replace(self, homes=ids, layers=tuple(Layer(w[rows], b[rows]) for w, b in self.layers))
+        each = (len(ids), 1, 1)
+        layers = [Layer(np.tile(weight, each), np.tile(bias, each[:2])) for weight, bias in self.layers]
+        if not self.relative:
+            return replace(self, homes=ids, layers=tuple(layers))
+        own = Relative.of(self.observation, homes, pv_kw)
+        count = own.factor.shape[-1]
+        # What scaling does for the middle home, the first layer makes up for in all others.
+        factor, shift = np.median(own.factor, axis=0), np.median(own.shift, axis=0)
+        offset, scale = (self.offset[:count] - shift) / factor, self.scale[:count] * factor
+        first = layers[0].weight.astype(np.float64)
+        weight = first[..., :count] * (own.factor / factor)[:, None]
+        moved = offset * own.factor + own.shift - self.offset[:count]
+        sizes = (own.sizes - self.offset[count:]) * self.scale[count:]
+        constant = np.concatenate([moved * self.scale[:count], sizes], axis=-1)
+        bias = layers[0].bias + np.einsum("hoi,hi->ho", first, constant)
+        layers[0] = Layer(weight.astype(np.float32), bias.astype(np.float32))
+        return replace(
+            self, homes=ids, layers=tuple(layers), features=self.features[:count], offset=offset, scale=scale,
+            relative=False,
+        )  # fmt: skip
 
     @cached_property
     def version(self) -> str:
@@ -203,6 +246,7 @@ class PolicyFile:
             told[name] = np.array(told[name], dtype=np.float64)
         for name in ("features", "homes"):
             told[name] = tuple(str(item) for item in told[name])
+        told["relative"] = bool(json.loads(metadata.get("relative", "false")))
         return cls(layers=tuple(layers), **told)
 
     def _metadata(self) -> dict[str, str]:
@@ -212,6 +256,8 @@ class PolicyFile:
             told[name] = told[name].tolist()
         told["training"] = dict(self.training)
         told["hidden"] = self.hidden
+        if self.relative:
+            told["relative"] = True
         return {name: json.dumps(value, sort_keys=True) for name, value in told.items()}
 
     def _tensors(self) -> dict[str, NDArray[np.float32]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Self
 
@@ -9,11 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zengrid.core.levels import to_commands
-from zengrid.core.observe import grid_features, observe_grid, observe_prosumers, time_features
+from zengrid.core.observe import (
+    ObservationKind,
+    grid_features,
+    observe_grid,
+    observe_prosumers,
+    prosumer_features,
+    time_features,
+)
 from zengrid.errors import PolicyError
 from zengrid.policy.facts import MarketFacts
-from zengrid.policy.file import PolicyFile, Role
+from zengrid.policy.file import Layer, PolicyFile, Role
 from zengrid.policy.prices import price_level
+from zengrid.policy.relative import Relative
 from zengrid.policy.views import GridView, ProsumerView
 
 Floats = NDArray[np.float64]
@@ -34,19 +43,24 @@ class Network:
             if strangers:
                 raise PolicyError(f"home {strangers[0]}: the file has networks for {', '.join(file.homes)}")
             rows = [file.homes.index(home) for home in homes]
-            weights = [layer.weight[rows].astype(np.float64) for layer in file.layers]
-            # Each network is applied to a matrix with a row for every market side by side.
-            biases = [layer.bias[rows, None].astype(np.float64) for layer in file.layers]
+            layers = [Layer(layer.weight[rows], layer.bias[rows]) for layer in file.layers]
         else:
-            weights = [layer.weight.astype(np.float64) for layer in file.layers]
-            biases = [layer.bias.astype(np.float64) for layer in file.layers]
+            layers = list(file.layers)
         self._own = bool(file.homes)
-        # The scaling of observations becomes part of the first layer.
-        weights[0] = weights[0] * file.scale
-        turned = [np.ascontiguousarray(np.swapaxes(weight, -1, -2)) for weight in weights]
-        biases[0] = biases[0] - (file.offset[None, :] if self._own else file.offset) @ turned[0]
-        *self._hidden, self._output = zip(turned, biases, strict=True)
+        self._offset, self._scale = file.offset, file.scale
         self._activation = np.tanh if file.activation == "tanh" else _relu
+        self.renew(layers)
+
+    def renew(self, layers: Sequence[Layer]) -> None:
+        """Take other weights of the same shape, for the same observations."""
+        weights = [layer.weight.astype(np.float64) for layer in layers]
+        # Each home's network is applied to a matrix with a row for every market side by side.
+        biases = [(layer.bias[:, None] if self._own else layer.bias).astype(np.float64) for layer in layers]
+        # The scaling of observations becomes part of the first layer.
+        weights[0] = weights[0] * self._scale
+        turned = [np.ascontiguousarray(np.swapaxes(weight, -1, -2)) for weight in weights]
+        biases[0] = biases[0] - (self._offset[None, :] if self._own else self._offset) @ turned[0]
+        *self._hidden, self._output = zip(turned, biases, strict=True)
 
     def q_values(self, observation: Floats) -> Floats:
         """What each level is worth, ``(..., feature)`` -> ``(..., level)``; own networks need the axis of homes."""
@@ -92,13 +106,18 @@ class ProsumerNetwork:
     def __init__(self, file: PolicyFile, facts: MarketFacts) -> None:
         _check(file, "prosumer", facts)
         self.name, self.version = file.name, file.version
-        self.features = file.features
+        self.features = prosumer_features(file.observation)
         self.levels = to_commands(file.levels[:, None], facts.homes)[:, 0] if facts.home_ids else file.levels
         """What the Q-values stand for, for the first home. [kW]"""
         self._kind = file.observation
         self._fractions = file.levels
         self._network = Network(file, facts.home_ids)
         self._first = Network(file, facts.home_ids[:1]) if file.homes else self._network
+        self._relative = None
+        if file.relative:
+            if len(facts.pv_kw) != len(facts.home_ids):
+                raise PolicyError("pv_kw: this policy needs the rated PV power of each home")
+            self._relative = Relative.of(file.observation, facts.homes, np.array(facts.pv_kw))
 
     @classmethod
     def load(cls, path: Path | str, facts: MarketFacts) -> Self:
@@ -111,15 +130,17 @@ class ProsumerNetwork:
 
     def act(self, view: ProsumerView) -> Floats:
         """Commands, ``(..., home)``. [kW]"""
-        observation = observe_prosumers(
-            self._kind, view.soc, view.pv_kw, view.load_kw, view.buy_price, view.sell_price,
-            time_features(view.slot, view.dt_h),
-        )  # fmt: skip
+        observation = prosumer_observation(self._kind, view)
+        if self._relative is not None:
+            observation = self._relative(observation)
         return to_commands(self._fractions[greedy(self._network.q_values(observation))], view.homes)
 
     def q_values(self, observation: Floats) -> Floats:
         """What each level is worth to the first home in so many situations, ``(row, feature)`` -> ``(row, level)``."""
-        return self._first.q_values(observation[:, None, :])[:, 0]
+        observation = observation[:, None, :]
+        if self._relative is not None:
+            observation = self._relative.first()(observation)
+        return self._first.q_values(observation)[:, 0]
 
 
 class GridNetwork:
@@ -159,23 +180,35 @@ class GridNetwork:
         return self._network.q_values(observation)
 
     def _observe(self, view: GridView) -> Floats:
-        time = time_features(view.slot, view.dt_h)
-        demand_kw, sell_price = np.asarray(view.demand_kw), np.asarray(view.sell_price)
-        if self._kind == "public":
-            # The sum stands for the payments; how many they were is told beside it.
-            payment = np.asarray(view.payment_sum)[..., None]
-            observation = observe_grid("public", view.facility_cost, payment, demand_kw, sell_price, time)
-            observation[..., self.features.index("homes")] = view.homes
-            return observation
-        if view.payment is None:
-            raise PolicyError("payment: this policy needs that of each home; join with observation paper")
-        observation = observe_grid("paper", view.facility_cost, view.payment, demand_kw, sell_price, time)
+        observation = grid_observation(self._kind, view)
         if observation.shape[-1] != len(self.features):
             raise PolicyError(
                 f"observation has {observation.shape[-1]} numbers, with payments of {view.homes} homes: "
                 f"the policy was trained on {len(self.features)} ({', '.join(self.features)})"
             )
         return observation
+
+
+def prosumer_observation(kind: ObservationKind, view: ProsumerView) -> Floats:
+    """What networks see of a slot, ``(..., home, feature)``."""
+    return observe_prosumers(
+        kind, view.soc, view.pv_kw, view.load_kw, view.buy_price, view.sell_price, time_features(view.slot, view.dt_h)
+    )
+
+
+def grid_observation(kind: ObservationKind, view: GridView) -> Floats:
+    """What networks see of a slot, ``(..., feature)``; raises PolicyError where the view does not have it."""
+    time = time_features(view.slot, view.dt_h)
+    demand_kw, sell_price = np.asarray(view.demand_kw), np.asarray(view.sell_price)
+    if kind == "public":
+        # The sum stands for the payments; how many they were is told beside it.
+        payment = np.asarray(view.payment_sum)[..., None]
+        observation = observe_grid("public", view.facility_cost, payment, demand_kw, sell_price, time)
+        observation[..., view.facility_cost.shape[-1] + 1] = view.homes
+        return observation
+    if view.payment is None:
+        raise PolicyError("payment: this policy needs that of each home; join with observation paper")
+    return observe_grid("paper", view.facility_cost, view.payment, demand_kw, sell_price, time)
 
 
 def _check(file: PolicyFile, role: Role, facts: MarketFacts) -> None:

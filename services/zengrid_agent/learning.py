@@ -1,0 +1,131 @@
+"""Agents that learn while they play: the options, and a learner that saves what it has learned."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+from zengrid.errors import PolicyError
+from zengrid.policy.file import PolicyFile
+from zengrid.policy.registry import SUFFIX
+
+if TYPE_CHECKING:
+    from zengrid.core.observe import ObservationKind
+    from zengrid.learn.live import GridLearner, Learner, Live, ProsumerLearner
+    from zengrid.policy.facts import MarketFacts
+    from zengrid.policy.file import Role
+
+CHECKPOINT = ".pt"
+"""Of files from which a learner goes on."""
+SAVE_S = 10.0
+"""How often it is written down what was learned. [s]"""
+
+
+def add_learning_options(role: argparse.ArgumentParser) -> None:
+    """Options of an agent that may learn."""
+    learning = role.add_argument_group("learning (needs the extra learn)")
+    learning.add_argument(
+        "--learn", action="store_true", help="learn from what comes of its actions; --policy is what it starts from"
+    )
+    learning.add_argument(
+        "--learned",
+        type=Path,
+        metavar="DIR",
+        help="where what was learned is kept; from there it goes on when started again (default: runs/RUN/learned)",
+    )
+    learning.add_argument(
+        "--explore", type=int, metavar="SLOTS", help="slots over which trying out new things fades (default: 48000)"
+    )
+    learning.add_argument("--learn-seed", type=int, default=0, metavar="N", help="seed of what it tries (default: 0)")
+
+
+def load_torch() -> None:
+    """Load what learns: before a session is opened, since it takes seconds."""
+    try:
+        torch = import_module("torch")
+    except ImportError:
+        raise PolicyError("torch is not installed; needed by --learn: pip install 'zengrid[learn]'") from None
+    torch.set_num_threads(1)  # these networks are too small to be shared out among threads
+    import_module("torch._dynamo")  # optimisers load it at their first step
+    import_module("zengrid.learn.live")
+
+
+class Learning:
+    """What an agent with ``--learn`` has beside its policy.
+
+    Parameters
+    ----------
+    options:
+        The command line.
+    agent, role:
+        Who learns.
+    """
+
+    def __init__(self, options: argparse.Namespace, agent: str, role: Role) -> None:
+        self._agent, self._role = agent, role
+        self._kind: ObservationKind = options.observation
+        changes: dict[str, Any] = {"seed": options.learn_seed}
+        if options.explore is not None:
+            if options.explore < 1:
+                raise PolicyError(f"explore = {options.explore}: give a number of slots from 1 up")
+            changes["slots"] = options.explore
+        self._changes = changes
+        folder = options.learned or Path("runs") / options.run / "learned"
+        folder.mkdir(parents=True, exist_ok=True)
+        self.path = folder / f"{agent}{CHECKPOINT}"
+        self._saved = time.monotonic()
+        self._learner: Learner | None = None
+        load_torch()
+        # Only in the process that learns: what gradients are computed with does not survive a fork.
+        import_module("zengrid.learn.live").warm_up()
+
+    def begin(self, facts: MarketFacts, policy: str) -> str:
+        """Make the learner for a market; returns what to tell about where it starts from.
+
+        Raises
+        ------
+        PolicyError
+            Where what was learned before, or the policy to start from, does not fit the market.
+        """
+        from zengrid.learn.live import GridLearner, Live, ProsumerLearner
+
+        live: Live = Live.of(self._role, **self._changes)
+        goes_on = self.path.exists()
+        start = PolicyFile.load(policy) if policy.endswith(SUFFIX) and not goes_on else None
+        learner: Learner
+        if self._role == "grid":
+            learner = GridLearner(facts, live, self._kind, start)
+        else:
+            learner = ProsumerLearner(self._agent, facts, live, self._kind, start)
+        if goes_on:
+            learner.restore(self.path)
+        self._learner = learner
+        if goes_on:
+            return f"{self._agent} goes on learning after {learner.slots} slots, from {self.path}"
+        return f"{self._agent} learns, starting from {policy if start else 'nothing'}; it is kept in {self.path}"
+
+    @property
+    def grid(self) -> GridLearner:
+        """The learner of a grid agent."""
+        return cast("GridLearner", self._learner)
+
+    @property
+    def prosumer(self) -> ProsumerLearner:
+        """The learner of a prosumer agent."""
+        return cast("ProsumerLearner", self._learner)
+
+    def reflect(self) -> None:
+        """Learn from what came, and write it down now and then."""
+        assert self._learner is not None
+        self._learner.learn()
+        if time.monotonic() - self._saved >= SAVE_S:
+            self.save()
+
+    def save(self) -> None:
+        """Write down what was learned."""
+        if self._learner is not None:
+            self._learner.save(self.path)
+            self._saved = time.monotonic()

@@ -1,0 +1,464 @@
+"""Learning in a running market: one agent's learner, told slot by slot what it saw and what came of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from zengrid import __version__
+from zengrid.core.levels import level_fractions, to_commands
+from zengrid.core.observe import ObservationKind, grid_features, prosumer_features
+from zengrid.errors import PolicyError
+from zengrid.learn.dqn import DQN
+from zengrid.learn.memory import Memory
+from zengrid.learn.own_model import OwnModel
+from zengrid.learn.scaling import Scaling
+from zengrid.learn.settings import Learning, Settings
+from zengrid.policy.facts import MarketFacts
+from zengrid.policy.file import Layer, PolicyFile, Role
+from zengrid.policy.network import Network, greedy, grid_observation, prosumer_observation
+from zengrid.policy.views import GridView, ProsumerView
+
+Floats = NDArray[np.float64]
+
+FORMAT = "zengrid.learner/1"
+MARGIN = 1.25
+"""How far beyond what the first day brought quantities are expected to go. [-]"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Live:
+    """How an agent learns in a running market.
+
+    Each slot brings one experience and one update of the network, after the action has left.
+    """
+
+    learning: Learning
+    slots: int = 48_000
+    """Slots over which exploration and step size fall to their ends; learning never ends."""
+    memory: int = 24_000
+    """Slots it remembers: what others did long ago they no longer do."""
+    average: float = 0.998
+    """What the running average of the weights, by which it acts, keeps in each update. [-]"""
+    seed: int = 0
+
+    @classmethod
+    def of(cls, role: Role, **changes: Any) -> Self:
+        """The defaults of a role; ``changes`` are fields of this class."""
+        preset = Settings.preset("fast")
+        learning = preset.grid if role == "grid" else preset.prosumer
+        return cls(learning=replace(learning, **_LIVE[role]), **changes)
+
+
+_LIVE: dict[Role, dict[str, Any]] = {"grid": {"every": 4}, "prosumer": {"every": 4}}
+
+
+class Moment(NamedTuple):
+    """A slot of the market."""
+
+    day: int
+    slot: int
+
+
+class _Seen(NamedTuple):
+    """What was seen in a slot whose outcome is still to come."""
+
+    moment: Moment
+    observation: Floats
+    """(home, feature)"""
+    level: NDArray[np.intp] | None
+    """(home,) what it chose; None where a rule decided"""
+    sell_price: float
+
+
+class _Row(NamedTuple):
+    """A slot to remember, from before the learner knew its scales."""
+
+    observation: Floats
+    level: NDArray[np.intp]
+    reward: Floats
+    sell_price: float
+    goes_on: bool
+    follows: bool
+
+
+class Learner:
+    """What learners of both roles share. On its first day it watches; its owner decides by a rule.
+
+    Parameters
+    ----------
+    role, agent:
+        Who learns.
+    facts:
+        What the agent was told of the market.
+    live:
+        How to learn.
+    kind:
+        What it sees.
+    start:
+        A policy to go on from; otherwise it starts from nothing.
+    """
+
+    def __init__(
+        self, role: Role, agent: str, facts: MarketFacts, live: Live, kind: ObservationKind, start: PolicyFile | None
+    ) -> None:
+        self.role, self.agent, self.facts, self.live, self.kind = role, agent, facts, live, kind
+        self.networks = max(len(facts.home_ids), 1)
+        if role == "grid":
+            self.levels = np.array(facts.buy_prices)
+        else:
+            self.levels = level_fractions(facts.battery_levels)
+        draw = np.random.SeedSequence([live.seed, *agent.encode()])
+        self._rng = np.random.default_rng(draw)
+        self._generator = torch.Generator().manual_seed(int(draw.generate_state(1)[0]))
+        self.slots = 0
+        """in which it was told what it did"""
+        self._seen: _Seen | None = None
+        self._last: Moment | None = None
+        self._watched: list[_Row] = []
+        self.dqn: DQN | None = None
+        self.features: tuple[str, ...] = prosumer_features(kind) if role == "prosumer" else ()
+        if start is not None:
+            self._start_from(start)
+
+    # ---------------------------------------------------------------- slot by slot
+
+    @property
+    def watches(self) -> bool:
+        """Whether it has not begun to act: on its first day."""
+        return self.dqn is None
+
+    @property
+    def progress(self) -> float:
+        """How far exploration has fallen, 0 to 1."""
+        return min(self.slots / self.live.slots, 1.0)
+
+    def choose(self, moment: Moment, observation: Floats, sell_price: float) -> NDArray[np.intp] | None:
+        """The position of a level for each home ``(home,)``; None where it still watches.
+
+        Parameters
+        ----------
+        moment:
+            The slot.
+        observation:
+            ``(home, feature)``
+        sell_price:
+            Posted price of the slot. [$/kWh]
+        """
+        level = None
+        if self.dqn is not None:
+            if observation.shape[-1] != len(self.features):
+                raise PolicyError(
+                    f"observation has {observation.shape[-1]} numbers: {self.agent} has learned from "
+                    f"{len(self.features)} ({', '.join(self.features)})"
+                )
+            best = greedy(self._network.q_values(observation))
+            anything = self._rng.integers(self.levels.size, size=best.shape)
+            explores = self._rng.random(best.shape) < self.dqn.learning.epsilon(self.progress)
+            level = np.where(explores, anything, best)
+        self._seen = _Seen(moment, observation, level, sell_price)
+        return level
+
+    def _settled(self, moment: Moment, level: NDArray[np.intp] | None, reward: Floats) -> None:
+        """Remember the slot that was seen last, if this is what came of it; all others are dropped.
+
+        Parameters
+        ----------
+        moment:
+            The slot that was settled.
+        level:
+            What was really done, ``(home,)``; None where that is no level.
+        reward:
+            ``(home,)`` [$]
+        """
+        seen, self._seen = self._seen, None
+        if seen is None or seen.moment != moment:
+            return
+        if level is None:
+            if not self._knows_all_commands:
+                return
+            level = np.zeros(self.networks, dtype=np.intp)  # what was done does not matter where all is imagined
+        ends = moment.slot + 1 == self.facts.slots_per_day
+        row = _Row(
+            seen.observation, level, reward, seen.sell_price, not (ends and self.facts.soc_reset == "daily"),
+            follows=self._last is not None and moment == self._after(self._last),
+        )  # fmt: skip
+        self._last = moment
+        self.slots += 1
+        if self.dqn is None:
+            self._watched.append(row)
+        else:
+            self._remember(row)
+
+    def _after(self, moment: Moment) -> Moment:
+        day, slot = moment
+        return Moment(day, slot + 1) if slot + 1 < self.facts.slots_per_day else Moment(day + 1, 0)
+
+    @property
+    def _knows_all_commands(self) -> bool:
+        return self.live.learning.own_model and self.role == "prosumer"
+
+    def _remember(self, row: _Row) -> None:
+        assert self.dqn is not None
+        seen = torch.from_numpy(self._scaling(row.observation))[:, None]
+        reward = torch.from_numpy((row.reward * self._reward_scale).astype(np.float32))[:, None]
+        level = torch.from_numpy(row.level.astype(np.int64))[:, None]
+        self._memory.follow(row.follows)
+        self._memory.add(seen, level, reward, row.sell_price, row.goes_on)
+
+    def learn(self) -> bool:
+        """One update, where enough is remembered; call it once the action has left."""
+        if self.dqn is None and len(self._watched) > self.facts.slots_per_day:
+            self._begin(*self._scales())
+        if self.dqn is None or self.slots % self.live.learning.every or not self._memory.drawable():
+            return False
+        for _ in range(self.live.learning.updates):
+            self.dqn.learn(self.progress)
+        self._network.renew(self._layers())
+        return True
+
+    # ---------------------------------------------------------------- beginnings
+
+    def _scales(self) -> tuple[Scaling, float]:
+        """Scales of observations and rewards, from what the first day brought."""
+        facts, rows = self.facts, np.concatenate([row.observation for row in self._watched])
+        if self.role == "grid":
+            homes = rows.shape[-1] - facts.facilities - 1
+            self.features = grid_features(self.kind, facts.facilities, homes)
+        low, high = rows.min(axis=0), rows.max(axis=0)
+        most = {name: MARGIN * float(high[i]) for i, name in enumerate(self.features)}
+        cheapest, dearest = min(facts.buy_prices), max(facts.buy_prices)
+        tariff = min(facts.sell_prices), max(facts.sell_prices)
+        ranges = {name: (0.0, value) for name, value in most.items()}
+        for i, name in enumerate(self.features):
+            if name.startswith("facility_cost"):
+                ranges[name] = (float(low[i]), float(high[i]) * MARGIN)
+            elif name.startswith("payment"):
+                ranges[name] = (0.0, most[name] * dearest / max(cheapest, 1e-3 * dearest))
+        known = {
+            "soc": (0.0, 1.0), "time_sin": (-1.0, 1.0), "time_cos": (-1.0, 1.0), "buy_price": (cheapest, dearest),
+            "sell_price": tariff, "homes": (0.0, 2.0 * float(most.get("homes", 0.0)) / MARGIN),
+        }  # fmt: skip
+        scaling = Scaling.between(self.features, {**ranges, **known})
+        dearest = max(dearest, *tariff)
+        kw = self._power_kw if self.role == "prosumer" else float(rows[:, self.features.index("demand_kw")].mean())
+        return scaling, 1.0 / max(dearest * kw * facts.dt_h, 1e-6)
+
+    @property
+    def _power_kw(self) -> float:
+        homes = self.facts.homes
+        return float(np.median(np.maximum(homes.charge_max_kw, homes.discharge_max_kw)))
+
+    def _begin(self, scaling: Scaling, reward_scale: float, learning: Learning | None = None) -> None:
+        """Get ready to learn, from nothing."""
+        facts, live = self.facts, self.live
+        learning = learning or live.learning
+        self._scaling, self._reward_scale = scaling, reward_scale
+        model = None
+        if self.role == "prosumer":
+            model = OwnModel(
+                facts.homes, facts.battery_levels, facts.dt_h, scaling, reward_scale, self._generator.device
+            )
+        clock = self.features.index("time_sin") if "time_sin" in self.features else None
+        self.dqn = DQN(
+            self.networks, 1, len(self.features), self.levels.size, learning, live.memory, live.average,
+            self._generator, clock, model,
+        )  # fmt: skip
+        self.dqn.replay = self._memory = Memory.like(self.dqn.replay)
+        self._network = Network(self.file(), facts.home_ids)
+        for row in self._watched:
+            self._remember(row)
+        self._watched = []
+
+    def _start_from(self, file: PolicyFile) -> None:
+        """Get ready to learn, from a policy."""
+        file = (
+            file.for_homes(self.facts.home_ids, self.facts.homes, np.array(self.facts.pv_kw))
+            if self.role == "prosumer"
+            else file
+        )
+        if file.observation != self.kind:
+            raise PolicyError(f"observation = {self.kind}: the policy to go on from sees {file.observation}")
+        if file.levels.shape != self.levels.shape or np.abs(file.levels - self.levels).max() > 1e-9:
+            raise PolicyError(f"levels = {file.levels.tolist()}: the market's are {self.levels.tolist()}")
+        self.features = file.features
+        dearest = max(*self.facts.buy_prices, *self.facts.sell_prices)
+        told = file.training.get("reward_scale")
+        reward_scale = float(told) if told else 1.0 / max(dearest * self._usual_kw(file) * self.facts.dt_h, 1e-6)
+        learning = replace(self.live.learning, hidden=file.hidden, activation=file.activation)
+        # It need not find out from nothing what it knows already.
+        learning = replace(learning, epsilon_start=learning.epsilon_end, lr=learning.lr_end)
+        self._begin(Scaling(file.offset, file.scale), reward_scale, learning)
+        assert self.dqn is not None
+        with torch.no_grad():
+            for place, layer in enumerate(file.layers):
+                for part, values in enumerate((np.swapaxes(layer.weight, -1, -2), layer.bias[..., None, :])):
+                    given = torch.from_numpy(np.ascontiguousarray(values))
+                    for weights in (self.dqn.online, self.dqn.target, self.dqn.averaged):
+                        weights[2 * place + part].copy_(given)
+        self.dqn.updates = SETTLED_UPDATES
+        self._network.renew(self._layers())
+
+    def _usual_kw(self, file: PolicyFile) -> float:
+        if self.role == "prosumer":
+            return self._power_kw
+        return float(file.offset[file.features.index("demand_kw")])
+
+    # ---------------------------------------------------------------- what it has learned
+
+    def _layers(self) -> list[Layer]:
+        assert self.dqn is not None
+        weights = [weight.numpy() for weight in self.dqn.averaged]
+        pairs = zip(weights[::2], weights[1::2], strict=True)
+        if self.facts.home_ids:
+            return [Layer(np.swapaxes(weight, -1, -2), bias[:, 0]) for weight, bias in pairs]
+        return [Layer(weight[0].T, bias[0, 0]) for weight, bias in pairs]
+
+    def file(self) -> PolicyFile:
+        """The policy by which it acts, exploration left out; raises PolicyError where it still watches."""
+        if self.dqn is None:
+            raise PolicyError(f"{self.agent}: still watches its first day and has learned nothing")
+        layers = [Layer(np.array(weight), np.array(bias)) for weight, bias in self._layers()]
+        notes = {
+            "scenario": self.facts.scenario, "agent": self.agent, "slots": self.slots, "updates": self.dqn.updates,
+            "seed": self.live.seed, "version": __version__, "reward_scale": self._reward_scale,
+        }  # fmt: skip
+        return PolicyFile(
+            role=self.role, observation=self.kind, features=self.features, offset=self._scaling.offset,
+            scale=self._scaling.scale, levels=self.levels, activation=self.dqn.learning.activation,
+            layers=tuple(layers), dt_h=self.facts.dt_h, name=f"{self.agent}-learning", homes=self.facts.home_ids,
+            training=notes,
+        )  # fmt: skip
+
+    def save(self, path: Path) -> None:
+        """Write all it needs to go on, and beside it the policy as a file; an interruption leaves those before."""
+        part = path.with_name(f".{path.name}.part")
+        torch.save(self.state(), part)
+        part.replace(path)
+        if self.dqn is not None:
+            self.file().save(path.with_suffix(".safetensors"))
+
+    def state(self) -> dict[str, Any]:
+        """Everything that ``restore`` needs."""
+        state: dict[str, Any] = {
+            **self._identity(),
+            "slots": self.slots,
+            "last": self._last,
+            "rng": self._rng.bit_generator.state,
+            "generator": self._generator.get_state(),
+            "features": list(self.features),
+        }
+        if self.dqn is not None:
+            state |= {
+                "offset": self._scaling.offset.tolist(), "scale": self._scaling.scale.tolist(),
+                "reward_scale": self._reward_scale, "hidden": list(self.dqn.learning.hidden),
+                "activation": self.dqn.learning.activation, "epsilon_start": self.dqn.learning.epsilon_start,
+                "lr": self.dqn.learning.lr, "dqn": self.dqn.state(),
+            }  # fmt: skip
+        return state
+
+    def _identity(self) -> dict[str, Any]:
+        """What must be the same in the market where it goes on."""
+        facts = self.facts
+        return {
+            "format": FORMAT, "role": self.role, "agent": self.agent, "observation": self.kind, "dt_h": facts.dt_h,
+            "levels": self.levels.tolist(), "homes": list(facts.home_ids),
+            "capacity_kwh": facts.homes.capacity_kwh.tolist(),
+        }  # fmt: skip
+
+    def restore(self, path: Path) -> None:
+        """Go on where the learner that wrote this file was.
+
+        Raises
+        ------
+        PolicyError
+            Where it cannot be read, or belongs to another agent or market.
+        """
+        try:
+            state = torch.load(path, weights_only=True)
+        except Exception as error:  # noqa: BLE001 - torch raises whatever it stumbles over
+            raise PolicyError(f"learner {path}: cannot be read ({error})") from None
+        for name, mine in self._identity().items():
+            if state.get(name) != mine:
+                raise PolicyError(
+                    f"learner {path}: {name} = {state.get(name)}, here it is {mine}; give another folder to start anew"
+                )
+        self.features = tuple(state["features"])
+        if "dqn" in state:
+            scaling = Scaling(np.array(state["offset"]), np.array(state["scale"]))
+            learning = replace(
+                self.live.learning, hidden=tuple(state["hidden"]), activation=state["activation"],
+                epsilon_start=state["epsilon_start"], lr=state["lr"],
+            )  # fmt: skip
+            self._begin(scaling, state["reward_scale"], learning)
+            assert self.dqn is not None
+            self.dqn.restore(state["dqn"])
+            self._network.renew(self._layers())
+        self.slots = state["slots"]
+        self._last = None if state["last"] is None else Moment(*state["last"])
+        self._rng.bit_generator.state = state["rng"]
+        self._generator.set_state(state["generator"])
+
+
+def warm_up() -> None:
+    """Let torch load what it loads at its first update, before a market waits."""
+    learning = Learning(hidden=(8,), batch=4, huber=True)
+    learners = DQN(1, 1, 2, 2, learning, 8, 0.9, torch.Generator().manual_seed(0))
+    for _ in range(6):
+        learners.replay.add(
+            torch.zeros((1, 1, 2)), torch.zeros((1, 1), dtype=torch.int64), torch.zeros((1, 1)), 0.0, True
+        )
+    learners.learn(0.0)
+
+
+SETTLED_UPDATES = 10_000
+"""As which a policy to go on from counts, for the running average."""
+
+
+class ProsumerLearner(Learner):
+    """Commands the batteries of an agent's homes, and learns from what comes of it."""
+
+    def __init__(
+        self, agent: str, facts: MarketFacts, live: Live, kind: ObservationKind = "public",
+        start: PolicyFile | None = None,
+    ) -> None:  # fmt: skip
+        super().__init__("prosumer", agent, facts, live, kind, start)
+
+    def act(self, view: ProsumerView) -> Floats | None:
+        """Commands ``(home,)`` [kW]; None where it still watches."""
+        assert isinstance(view.day, int)
+        observation = prosumer_observation(self.kind, view)
+        level = self.choose(Moment(view.day, view.slot), observation, float(view.sell_price))
+        return None if level is None else to_commands(self.levels[level], view.homes)
+
+    def hear(self, day: int, slot: int, reward: Sequence[float] | Floats, fallback: bool) -> None:
+        """What came of a slot: rewards ``(home,)`` [$], and whether another has decided."""
+        level = None if fallback or self._seen is None else self._seen.level
+        self._settled(Moment(day, slot), level, np.asarray(reward, dtype=np.float64))
+
+
+class GridLearner(Learner):
+    """Sets the buy price, and learns from what comes of it."""
+
+    def __init__(
+        self, facts: MarketFacts, live: Live, kind: ObservationKind = "public", start: PolicyFile | None = None
+    ) -> None:
+        super().__init__("grid", "grid", facts, live, kind, start)
+
+    def act(self, view: GridView) -> float | None:
+        """The price [$/kWh]; None where it still watches."""
+        assert isinstance(view.day, int)
+        observation = grid_observation(self.kind, view)[None]
+        level = self.choose(Moment(view.day, view.slot), observation, float(view.sell_price))
+        return None if level is None else float(self.levels[level[0]])
+
+    def hear(self, day: int, slot: int, reward: float, buy_price: float) -> None:
+        """What came of a slot: the profit [$], and the price that really held [$/kWh]."""
+        level = np.array([np.abs(self.levels - buy_price).argmin()])
+        self._settled(Moment(day, slot), level, np.array([reward]))
