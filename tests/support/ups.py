@@ -34,6 +34,7 @@ class Up:
         self.process = Process("up", command, folder, {})
         self.me = psutil.Process(self.process.popen.pid)
         self._seen: dict[int, psutil.Process] = {}
+        self.patience_s = DEADLINE_S
 
     def __enter__(self) -> Self:
         return self
@@ -69,7 +70,7 @@ class Up:
 
     def until(self, condition: Callable[[], object], missing: str) -> None:
         """Wait for something to happen, looking 50 times a second."""
-        deadline = time.monotonic() + DEADLINE_S
+        deadline = time.monotonic() + self.patience_s
         while not condition():
             assert time.monotonic() < deadline, f"in vain: {missing}"
             assert self.process.popen.poll() is None, f"ended before: {missing}"

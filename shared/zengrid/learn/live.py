@@ -81,7 +81,7 @@ class _Row(NamedTuple):
     """A slot to remember, from before the learner knew its scales."""
 
     observation: Floats
-    level: NDArray[np.intp]
+    level: NDArray[np.intp] | None
     reward: Floats
     sell_price: float
     goes_on: bool
@@ -180,10 +180,10 @@ class Learner:
         seen, self._seen = self._seen, None
         if seen is None or seen.moment != moment:
             return
-        if level is None:
-            if not self._knows_all_commands:
-                return
+        if level is None and self._knows_all_commands:
             level = np.zeros(self.networks, dtype=np.intp)  # what was done does not matter where all is imagined
+        if level is None and not self.watches:
+            return
         ends = moment.slot + 1 == self.facts.slots_per_day
         row = _Row(
             seen.observation, level, reward, seen.sell_price, not (ends and self.facts.soc_reset == "daily"),
@@ -206,6 +206,7 @@ class Learner:
 
     def _remember(self, row: _Row) -> None:
         assert self.dqn is not None
+        assert row.level is not None
         seen = torch.from_numpy(self._scaling(row.observation))[:, None]
         reward = torch.from_numpy((row.reward * self._reward_scale).astype(np.float32))[:, None]
         level = torch.from_numpy(row.level.astype(np.int64))[:, None]
@@ -273,7 +274,10 @@ class Learner:
         self.dqn.replay = self._memory = Memory.like(self.dqn.replay)
         self._network = Network(self.file(), facts.home_ids)
         for row in self._watched:
-            self._remember(row)
+            if row.level is None:
+                self._last = None  # a rule's command is no level: nothing to remember but the scales
+            else:
+                self._remember(row)
         self._watched = []
 
     def _start_from(self, file: PolicyFile) -> None:
@@ -349,7 +353,7 @@ class Learner:
         state: dict[str, Any] = {
             **self._identity(),
             "slots": self.slots,
-            "last": self._last,
+            "last": None if self._last is None else list(self._last),
             "rng": self._rng.bit_generator.state,
             "generator": self._generator.get_state(),
             "features": list(self.features),

@@ -1,0 +1,165 @@
+"""A learner in a running market: it finds out what pays, remembers what really was, and goes on where it stopped."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch", reason="extra learn is not installed")
+
+import torch
+
+from support.policies import PAPER
+from zengrid.core.baselines import conventional
+from zengrid.env.facts import market_facts
+from zengrid.env.vector import VectorMarket
+from zengrid.errors import PolicyError
+from zengrid.learn.live import GridLearner, Live, ProsumerLearner
+from zengrid.learn.memory import Memory
+from zengrid.learn.replay import Replay
+from zengrid.policy.network import ProsumerNetwork
+
+NEVER = PAPER.with_(soc_reset="never")
+HOME = slice(1, 2)
+QUICK = {"slots": 400, "memory": 500}
+
+
+class OneHome:
+    """The paper's second home under a price that is high in the evening, slot by slot as a clock would tell it."""
+
+    def __init__(self, learner: ProsumerLearner) -> None:
+        self.learner = learner
+        self.vector = VectorMarket(NEVER.market(), (), np.array(NEVER.buy_prices))
+        self.days = NEVER.days()
+        self.day = -1
+        self.bills: list[float] = []
+        self.commands: list[float] = []
+        self.told: tuple[int, int, np.ndarray[Any, Any], bool] | None = None
+
+    def play(self, slots: int, deaf: range = range(0)) -> None:
+        """Some slots; in those of ``deaf`` the learner hears nothing and the rule decides."""
+        for number in range(slots):
+            if self.day < 0 or self.vector.over:
+                self.day += 1
+                soc = self.vector.market.homes.soc_initial if self.day == 0 else None
+                self.vector.begin(self.days.day(self.day), soc, self.day)
+            slot = self.vector.slot
+            price = 0.10 if 18 <= slot < 22 else 0.05
+            view = self.vector.prosumer_view(price, HOME)
+            rule = conventional(self.vector.now.pv_kw, self.vector.now.load_kw, self.vector.market.homes)
+            command = None
+            if number not in deaf:
+                if self.told is not None:
+                    self.learner.hear(*self.told)
+                command = self.learner.act(view)
+            if command is not None:
+                rule[HOME] = command
+            settled = self.vector.step(price, rule)
+            self.told = (self.day, slot, -settled.bill[HOME], number in deaf)
+            self.bills.append(float(settled.bill[1]))
+            self.commands.append(float(rule[1]))
+            if number not in deaf:
+                self.learner.learn()
+
+
+def learner(seed: int = 0, **learning: Any) -> ProsumerLearner:
+    live = Live.of("prosumer", seed=seed, **QUICK)
+    live = replace(live, learning=replace(live.learning, every=1, **learning))
+    return ProsumerLearner("p2", market_facts(NEVER, ("p2",)), live)
+
+
+def test_a_home_learns_what_pays_and_acts_as_its_file_says() -> None:
+    market = OneHome(learner())
+    market.play(24 * 20)
+    rule = OneHome(learner())
+    rule.play(24 * 20, deaf=range(24 * 20))
+    assert market.bills[:24] == rule.bills[:24]  # at first it watches
+    assert sum(market.bills[-120:]) < 0.8 * sum(rule.bills[-120:])
+    facts = market_facts(NEVER, ("p2",))
+    network = ProsumerNetwork(market.learner.file(), facts)
+    market.learner.live = replace(market.learner.live, learning=replace(market.learner.live.learning, every=10**9))
+    assert market.learner.dqn is not None
+    market.learner.dqn.learning = replace(market.learner.dqn.learning, epsilon_end=0.0)
+    for _ in range(48):
+        if market.vector.over:
+            market.play(1)
+        view = market.vector.prosumer_view(0.07, HOME)
+        assert np.array_equal(market.learner.act(view), network.act(view))  # type: ignore[arg-type]
+        market.play(1)
+
+
+def test_saved_and_restored_it_goes_on_exactly(tmp_path: Path) -> None:
+    path = tmp_path / "p2.pt"
+    whole, first = OneHome(learner(3)), OneHome(learner(3))
+    whole.play(120)
+    first.play(120)
+    first.learner.save(path)
+    # The slot in between was seen by a process that is gone: both must forget it.
+    again = learner(3)
+    again.restore(path)
+    assert (again.slots, again.progress) == (first.learner.slots, first.learner.progress)
+    whole.learner._seen, first.learner = None, again
+    whole.play(60)
+    first.play(60)
+    assert whole.commands == first.commands
+    assert whole.learner.file().version == first.learner.file().version
+    assert ProsumerNetwork.load(path.with_suffix(".safetensors"), market_facts(NEVER, ("p2",))).name == "p2-learning"
+
+
+def test_what_does_not_fit_is_refused_and_kept(tmp_path: Path) -> None:
+    path = tmp_path / "p2.pt"
+    learner().save(path)
+    other = ProsumerLearner("p1", market_facts(NEVER, ("p1",)), Live.of("prosumer", **QUICK))
+    with pytest.raises(PolicyError, match="agent = p2, here it is p1"):
+        other.restore(path)
+    path.write_bytes(b"half a file")
+    with pytest.raises(PolicyError, match="cannot be read"):
+        learner().restore(path)
+    assert path.read_bytes() == b"half a file"
+
+
+def test_missed_slots_are_gaps_in_what_it_remembers() -> None:
+    market = OneHome(learner(own_model=False))
+    market.play(60)
+    market.play(10, deaf=range(3, 7))
+    memory = market.learner._memory
+    # On the first day and in the two slots after it the rule decided. Of the slot before the silence it never heard the outcome.
+    assert (memory.written, memory.gaps) == (59 - 26 + 3 + 2, 2)
+    drawn = memory.draw(256, torch.Generator().manual_seed(0))
+    time_now, time_next = drawn.seen[0, :, 4:6].double().numpy(), drawn.seen_next[0, :, 4:6].double().numpy()
+    turned = np.arctan2(time_next[:, 0], time_next[:, 1]) - np.arctan2(time_now[:, 0], time_now[:, 1])
+    np.testing.assert_allclose(turned % (2 * np.pi), 2 * np.pi / 24, atol=1e-5)
+
+
+def test_a_memory_without_gaps_is_a_plain_one() -> None:
+    plain = Replay(8, 1, 1, 1, 2, 0.9, torch.device("cpu"))
+    memory = Memory.like(plain)
+    for number in range(13):
+        row = torch.full((1, 1, 1), float(number)), torch.zeros((1, 1), dtype=torch.int64), torch.ones((1, 1))
+        plain.add(*row, 0.0, True)
+        memory.follow(number != 0)
+        memory.add(*row, 0.0, True)
+    one, other = (it.draw(50, torch.Generator().manual_seed(1)) for it in (plain, memory))
+    assert all(torch.equal(a, b) for a, b in zip(one, other, strict=True))
+    memory.follow(False)
+    memory.add(torch.full((1, 1, 1), 99.0), torch.zeros((1, 1), dtype=torch.int64), torch.ones((1, 1)), 0.0, True)
+    assert memory.draw(100, torch.Generator()).seen_next.max() < 99
+
+
+def test_the_grid_takes_the_price_that_really_held() -> None:
+    live = Live.of("grid", **QUICK)
+    grid = GridLearner(market_facts(NEVER), live)
+    vector = VectorMarket(NEVER.market(), (), np.array(NEVER.buy_prices))
+    vector.begin(NEVER.days().day(0), NEVER.market().homes.soc_initial, 0)
+    for number in range(30):
+        day, slot = divmod(number, 24)
+        grid.act(vector.grid_view()._replace(day=day, slot=slot))
+        grid.hear(day, slot, 0.5, 0.09)
+        grid.learn()
+    memory = grid._memory
+    assert memory.written == 30
+    assert set(memory.action[:30].flatten().tolist()) == {NEVER.buy_prices.index(0.09)}
