@@ -29,8 +29,8 @@ from zengrid.scenario.home import HomeSpec
 Floats = NDArray[np.float64]
 KIND: ObservationKind = "public"
 
-PRICES: tuple[Literal["grid", "schedule", "constant"], ...] = ("grid", "grid", "schedule", "constant")
-"""Who sets the price, market after market: the trained grid agent in half of them."""
+PRICES: tuple[Literal["grid", "schedule", "constant"], ...] = ("grid", "constant", "schedule")
+"""Who sets the price, market after market: the trained grid agent in every third."""
 
 LARGEST = {"battery_h": 12.0, "pv_per_kw": 5.0, "pv_kw": 4.0, "load_kw": 3.0}
 """What counts as large, in units of the battery's power."""
@@ -41,15 +41,15 @@ class Generic:
     """How the policy for homes of any size is trained."""
 
     learning: Learning
-    markets: int = 64
+    markets: int = 96
     """Markets side by side, each with as many drawn homes as the scenario has."""
-    days: int = 2
+    days: int = 1
     """Days that each of them lives through side by side."""
     pool: int = 32
     """Days of each market to draw from."""
-    steps: int = 3_000
+    steps: int = 6_000
     memory: int = 300_000
-    average: float = 0.998
+    average: float = 0.999
     warmup: int = 48
 
     @classmethod
@@ -57,7 +57,7 @@ class Generic:
         """What the policy that comes with zengrid was trained by."""
         return cls(
             learning=Learning(
-                own_model=True, hidden=(64, 64), batch=512, gamma=0.999, lr=3e-3, lr_end=3e-4, soft_target=0.02,
+                own_model=True, hidden=(64, 64), batch=1024, gamma=0.999, lr=3e-3, lr_end=3e-4, soft_target=0.02,
                 epsilon_start=0.1,
             )
         )  # fmt: skip
@@ -217,6 +217,8 @@ class GenericTraining:
         """Prices of those markets whose grid agent is not the trained one, ``(slot, market, day)``. [$/kWh]"""
         slots, lead = self.scenario.slots_per_day, self.vector.lead
         constant = self._rng.choice(self.buy_prices, size=lead)
+        # The price without demand response is the one that most markets have.
+        constant = np.where(self._rng.random(lead) < 0.5, self.scenario.conventional_buy_price, constant)
         rises = self._rng.uniform(14.0, 20.0, lead) / self.scenario.dt_h
         falls = rises + self._rng.uniform(2.0, 6.0, lead) / self.scenario.dt_h
         dear = self._rng.choice(self.buy_prices, size=lead)

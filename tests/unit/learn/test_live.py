@@ -127,7 +127,7 @@ def test_missed_slots_are_gaps_in_what_it_remembers() -> None:
     market.play(60)
     market.play(10, deaf=range(3, 7))
     memory = market.learner._memory
-    # On the first day and in the two slots after it the rule decided. Of the slot before the silence it never heard the outcome.
+    # On the first day and in two slots more the rule decided; of the slot before the silence it never heard again.
     assert (memory.written, memory.gaps) == (59 - 26 + 3 + 2, 2)
     drawn = memory.draw(256, torch.Generator().manual_seed(0))
     time_now, time_next = drawn.seen[0, :, 4:6].double().numpy(), drawn.seen_next[0, :, 4:6].double().numpy()
