@@ -25,7 +25,7 @@ config.insert_json5("connect/endpoints", json.dumps([os.environ.get("ZENGRID_CON
 with zenoh.open(config) as session:
     # Subscribe first, join second, show the liveliness token last: from then on the market waits for us.
     observations = session.declare_subscriber(f"{root}/agent/{name}/observation", zenoh.handlers.FifoChannel(64))
-    reply = next(iter(session.get(f"{root}/clock/join", payload=json.dumps(wish))), None)
+    reply = next(iter(session.get(f"{root}/clock/join/{name}", payload=json.dumps(wish))), None)
     if reply is None or reply.ok is None:
         raise SystemExit("refused: " + (reply.err.payload.to_string() if reply else "nobody answered"))
     homes = json.loads(reply.ok.payload.to_string())["homes"]
@@ -47,4 +47,4 @@ with zenoh.open(config) as session:
             publisher.put(json.dumps({**slot, "instance": me["instance"], "battery_kw": commands}))
     except KeyboardInterrupt:
         if brought:  # what came with us leaves with us
-            list(session.get(f"{root}/clock/leave", payload=json.dumps(me)))
+            list(session.get(f"{root}/clock/leave/{name}", payload=json.dumps(me)))

@@ -111,5 +111,5 @@ def play(options: argparse.Namespace) -> None:
         encoding=options.encoding,
     )
     learning = Learning(options, "grid", "grid") if options.learn else None
-    with AgentLink("grid", options.run, options.connect, timeout_s=options.timeout) as link:
+    with AgentLink("grid", options.run, options.connect, certs=options.certs, timeout_s=options.timeout) as link:
         Grid(link, wish, learning).live()

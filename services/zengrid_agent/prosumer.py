@@ -136,7 +136,7 @@ def play(options: argparse.Namespace) -> None:
         encoding=options.encoding,
     )
     learning = Learning(options, options.id, "prosumer") if options.learn else None
-    with AgentLink(options.id, options.run, options.connect, timeout_s=options.timeout) as link:
+    with AgentLink(options.id, options.run, options.connect, certs=options.certs, timeout_s=options.timeout) as link:
         Prosumer(link, wish, learning).live()
 
 

@@ -35,6 +35,7 @@ COMMANDS = {
     "grid": Command("zengrid_agent", "the grid agent"),
     "clock": Command("zengrid_clock", "the market's clock alone: environment, settlement, journal"),
     "gateway": Command("zengrid_gateway", "a market over HTTP: prices, history, page"),
+    "certs": Command("zengrid_cli.certs:main", "certificates, for markets that strangers can reach"),
     "spawner": Command("zengrid_spawner", "starts prosumers on this machine for whoever asks, such as the page"),
 }
 

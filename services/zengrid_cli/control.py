@@ -38,7 +38,7 @@ def main(arguments: Sequence[str]) -> int:
     from zengrid.bus.client import Client
     from zengrid_cli.figures import pace, progress
 
-    with Client(options.run, options.connect, timeout_s=TIMEOUT_S) as client:
+    with Client(options.run, options.connect, certs=options.certs, timeout_s=TIMEOUT_S) as client:
         status = client.control(
             options.command, slots=getattr(options, "slots", 1), speed=getattr(options, "speed", None), homes=False
         )

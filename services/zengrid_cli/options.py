@@ -121,6 +121,15 @@ def up_parser() -> argparse.ArgumentParser:
         metavar="ENDPOINT",
         help="where agents connect, or auto for any free port (default: %(default)s; environment: ZENGRID_LISTEN)",
     )
+    given = os.environ.get("ZENGRID_CERTS")
+    net.add_argument(
+        "--certs",
+        type=Path,
+        metavar="FOLDER",
+        default=Path(given) if given else None,
+        help="certificates made by zengrid certs: links are encrypted, and each side proves who it is "
+        "(environment: ZENGRID_CERTS)",
+    )
     net.add_argument("--insecure", action="store_true", help="listen beyond this machine, without authentication")
     http = net.add_mutually_exclusive_group()
     http.add_argument(

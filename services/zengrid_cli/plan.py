@@ -42,12 +42,13 @@ class Plan:
         self.endpoint = endpoint
         self.folder: Path = options.logs / options.run
         self.events = self.folder / "events.log"
-        self._bus = ("--connect", endpoint, "--run", options.run)
+        self._certs = () if options.certs is None else ("--certs", str(options.certs))
+        self._bus = ("--connect", endpoint, "--run", options.run, *self._certs)
 
     def clock(self) -> ProcessSpec:
         """The clock; started again, it goes on where its journal ends."""
         it = self.options
-        words = [it.scenario, "--listen", self.endpoint, "--run", it.run, "--journal", it.journal]
+        words = [it.scenario, "--listen", self.endpoint, "--run", it.run, "--journal", it.journal, *self._certs]
         words += ["--deadline", str(it.deadline), "--speed", f"{it.speed!r}x" if it.speed else "max"]
         words += ["--durability", it.durability, "--soc-reset", it.soc_reset]
         for option in ("data", "seed", "days"):
@@ -85,14 +86,14 @@ class Plan:
 
     def gateway(self, port: int) -> ProcessSpec:
         """The web page; it waits for the market, whose start it would only slow down."""
-        words = [self.endpoint, self.options.run, "zengrid_gateway", *self._bus, "--port", str(port)]
+        words = ["zengrid_gateway", *self._bus, "--port", str(port)]
         return self._spec(
             GATEWAY, "zengrid_cli.after_first_slot", [*words, "--journal", self.options.journal], restarts=Restarts()
         )
 
     def spawner(self) -> ProcessSpec:
         """Starts the homes that are added on the web page, as processes of its own."""
-        words = [self.endpoint, self.options.run, "zengrid_spawner", *self._bus, "--logs", str(self.folder)]
+        words = ["zengrid_spawner", *self._bus, "--logs", str(self.folder)]
         return self._spec(SPAWNER, "zengrid_cli.after_first_slot", words, restarts=Restarts())
 
     def table(self, where: str, *, live: bool) -> ProcessSpec:

@@ -45,7 +45,7 @@ def main(arguments: Sequence[str]) -> int:
     signal.signal(signal.SIGTERM, _leave)
     from zengrid_cli.watch import Watch
 
-    with Watch(options.run, options.connect) as watch:
+    with Watch(options.run, options.connect, options.certs) as watch:
         if options.once or options.json:
             return _once(watch, as_json=options.json)
         try:

@@ -39,7 +39,7 @@ class Local:
 
     def __init__(self, options: argparse.Namespace) -> None:
         self.options = options
-        self.plan = Plan(options, choose_endpoint(options.listen))
+        self.plan = Plan(options, self._endpoint())
         self.port = None if options.no_http else choose_http_port(options.http, HTTP_PORT)
         self.live = sys.stdout.isatty() and not (options.plain or options.quiet)
         self.supervisor = Supervisor(self._note)
@@ -52,6 +52,15 @@ class Local:
         with self.signals, self.supervisor:
             self._start()
             return self._watch()
+
+    def _endpoint(self) -> str:
+        """Where the clock listens; the first thing to fail where its certificate is missing."""
+        endpoint, certs = choose_endpoint(self.options.listen), self.options.certs
+        if certs is None:
+            return endpoint
+        from zengrid.bus.credentials import CLOCK, Credentials, secured
+
+        return secured(endpoint, Credentials(certs, CLOCK))
 
     # ---------------------------------------------------------------- its life
 

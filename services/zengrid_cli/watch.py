@@ -18,9 +18,10 @@ SLOWLY_S = 2.0
 class Watch:
     """The last known status of a market. Use it with ``with``."""
 
-    def __init__(self, run: str, endpoint: str) -> None:
+    def __init__(self, run: str, endpoint: str, certs: Path | None = None) -> None:
         self.run = run
         self.endpoint = endpoint
+        self.certs = certs
         self.status: Status | None = None
         self.homes: HomesStatus | None = None
         self.error: ZengridError | None = None
@@ -43,7 +44,7 @@ class Watch:
         homes = not many or now >= self._homes_at + SLOWLY_S
         try:
             if self._client is None:
-                self._client = Client(self.run, self.endpoint, timeout_s=timeout_s)
+                self._client = Client(self.run, self.endpoint, certs=self.certs, timeout_s=timeout_s)
             self.status = self._client.control("status", homes=homes)
         except ZengridError as error:
             self.error = error

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 def parser() -> argparse.ArgumentParser:
     """The command line of the clock."""
     from zengrid.bus.keys import DEFAULT_RUN
+    from zengrid.bus.options import add_certs_option
     from zengrid.bus.session import DEFAULT_ENDPOINT
 
     it = argparse.ArgumentParser(
@@ -84,6 +85,7 @@ def parser() -> argparse.ArgumentParser:
         metavar="ENDPOINT",
         help="where agents connect (default: %(default)s)",
     )
+    add_certs_option(it)
     it.add_argument(
         "--insecure", action="store_true", help="listen beyond this machine although nobody is authenticated"
     )
@@ -123,7 +125,7 @@ def open_clock(options: argparse.Namespace, stack: ExitStack) -> Clock:
         max_homes=options.max_homes,
     )
     # The hub first: agents that start at the same time can connect while the rest is made ready.
-    hub = stack.enter_context(Hub(options.run, options.listen, insecure=options.insecure))
+    hub = stack.enter_context(Hub(options.run, options.listen, certs=options.certs, insecure=options.insecure))
     scenario = load(options.scenario, data=options.data, seed=options.seed).with_(soc_reset=options.soc_reset)
     days = scenario.days()
     market = LiveMarket(scenario, days)

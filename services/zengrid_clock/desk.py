@@ -53,15 +53,24 @@ class Desk:
         try:
             event.query.reply(self._answer(event))
         except _No as refusal:
-            event.query.refuse(refusal.reason, str(refusal))
+            self._refuse(event, refusal.reason, str(refusal))
         except ZengridError as error:
-            event.query.refuse("invalid", str(error))
+            self._refuse(event, "invalid", str(error))
+
+    def _refuse(self, event: Event, reason: RefusalReason, message: str) -> None:
+        assert event.query is not None
+        self.clock.refused[f"{event.kind}_{reason}"] += 1
+        event.query.refuse(reason, message)
 
     def _answer(self, event: Event) -> bytes:
         if event.kind == "join":
-            return encode(self._join(decode(JoinRequest, event.payload)))
+            joining = decode(JoinRequest, event.payload)
+            _check_asker(event, joining.agent)
+            return encode(self._join(joining))
         if event.kind == "leave":
-            return encode(self._leave(decode(LeaveRequest, event.payload)))
+            leaving = decode(LeaveRequest, event.payload)
+            _check_asker(event, leaving.agent)
+            return encode(self._leave(leaving))
         return self._control(decode(ControlRequest, event.payload))
 
     # ---------------------------------------------------------------- joining and leaving
@@ -99,6 +108,10 @@ class Desk:
         for i, spec in enumerate(wish.homes):
             if spec.id in taken or spec.id in {other.id for other in wish.homes[:i]}:
                 raise _No("taken", f"homes.{i}.id = {spec.id}: is in the market already")
+            if spec.id != wish.agent and spec.id in clock.hub.agents:
+                raise _No(
+                    "not_yours", f"homes.{i}.id = {spec.id}: is the name of another agent, which has a certificate"
+                )
             clock.market.check(spec)
         if len(taken) + len(wish.homes) > clock.settings.max_homes:
             raise _No("full", f"homes = {len(taken)} + {len(wish.homes)}: this market takes {clock.settings.max_homes}")
@@ -213,6 +226,12 @@ class Desk:
         slots = tuple(settled_slot(self.clock, record, homes=wish.homes) for record in records)
         following = slots[-1].position + 1 if slots else wish.since
         return encode(HistoryReply(run=self.clock.hub.keys.run, next=following, slots=slots))
+
+
+def _check_asker(event: Event, agent: str) -> None:
+    """The key says who asks, for sure where certificates are needed; the message must not say otherwise."""
+    if event.agent != agent:
+        raise _No("not_yours", f"agent = {agent}: asked for under the key of {event.agent}")
 
 
 def _limits(spec: HomeSpec) -> HomeLimits:

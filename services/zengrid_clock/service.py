@@ -250,6 +250,8 @@ class Clock:
             self._take_action(event, barrier)
         elif event.kind in ("alive", "gone"):
             self._take_presence(event, barrier)
+        elif event.kind == "twin":
+            self.refused["second_session"] += 1
         else:
             self.desk.answer(event)
         return True

@@ -63,6 +63,7 @@ def main(arguments: list[str] | None = None) -> int:
     settings = Settings(
         run=options.run,
         endpoint=options.connect,
+        certs=options.certs,
         host=options.host,
         port=options.port,
         journal=options.journal,

@@ -43,7 +43,7 @@ def create_app(settings: Settings, access: Access) -> FastAPI:
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         state = app.state
-        async with MarketLink(settings.run, settings.endpoint) as state.link:
+        async with MarketLink(settings.run, settings.endpoint, settings.certs) as state.link:
             state.frames = Frames(state.link.feed)
             state.board = price.PriceBoard(state.link)
             state.archive = Archive(state.link, settings.journal)

@@ -6,13 +6,15 @@ import asyncio
 import contextlib
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Annotated, Literal, Self, TypeVar
 
 from fastapi import Depends
 from starlette.requests import HTTPConnection
 
 from zengrid.bus.client import Client
-from zengrid.errors import BusError, ZengridError
+from zengrid.bus.credentials import GATEWAY
+from zengrid.errors import BusError, SecurityError, ZengridError
 from zengrid.wire.requests import Status
 from zengrid_gateway.feed import Feed
 from zengrid_gateway.log import say
@@ -38,9 +40,10 @@ QUESTIONS = 8
 class MarketLink:
     """Follows a market, whether or not it is there. Use it with ``async with``; it opens at once and connects later."""
 
-    def __init__(self, run: str, endpoint: str) -> None:
+    def __init__(self, run: str, endpoint: str, certs: Path | None = None) -> None:
         self.run = run
         self.endpoint = endpoint
+        self.certs = certs
         self.feed = Feed()
         self.status: Status | None = None
         """How the clock stood a moment ago, without homes; None while it is away."""
@@ -103,14 +106,14 @@ class MarketLink:
         while self._client is None:
             try:
                 await self._loop.run_in_executor(self._threads, self._open_client)
-            except BusError as error:
+            except (BusError, SecurityError) as error:
                 if not waiting:
                     say(f"waiting for the market: {error}")
                     waiting = True
                 await asyncio.sleep(ATTEMPT_S / 4)
 
     def _open_client(self) -> None:
-        self._client = client = Client(self.run, self.endpoint, timeout_s=ATTEMPT_S)
+        self._client = client = Client(self.run, self.endpoint, certs=self.certs, name=GATEWAY, timeout_s=ATTEMPT_S)
         client.timeout_s = ANSWER_S
         self._following = client.follow(self.feed.push)
         self._presence = client.watch(self._tell)

@@ -24,6 +24,8 @@ class Settings:
     run: str = DEFAULT_RUN
     endpoint: str = DEFAULT_ENDPOINT
     """Of the market's clock."""
+    certs: Path | None = None
+    """Folder of certificates, where the market needs one."""
     host: str = "127.0.0.1"
     port: int = 8080
     journal: str | None = None

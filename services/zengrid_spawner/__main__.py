@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from queue import SimpleQueue
 
+from zengrid.bus.credentials import SPAWNER
 from zengrid.bus.options import add_bus_options
 from zengrid.bus.spawner import SpawnerLink
 from zengrid.errors import ZengridError
@@ -21,7 +22,8 @@ def parser() -> argparse.ArgumentParser:
     )
     add_bus_options(it)
     defaults = Settings()
-    it.add_argument("--name", default=default_name(), help="of this spawner (default: this machine's, %(default)s)")
+    machine = default_name()
+    it.add_argument("--name", help=f"of this spawner (default: this machine's, {machine}; with --certs {SPAWNER})")
     it.add_argument("--limit", type=int, default=defaults.limit, help="most processes (default: %(default)s)")
     it.add_argument(
         "--memory",
@@ -48,9 +50,10 @@ def main(arguments: list[str] | None = None) -> int:
     """Serve until a signal asks to stop."""
     options = parser().parse_args(arguments)
     settings = Settings(
-        name=options.name,
+        name=options.name or (default_name() if options.certs is None else SPAWNER),
         run=options.run,
         endpoint=options.connect,
+        certs=options.certs,
         limit=options.limit,
         memory_mb=options.memory,
         process_memory_mb=options.process_memory,
@@ -60,7 +63,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         settings.logs.mkdir(parents=True, exist_ok=True)
         inbox: Inbox = SimpleQueue()
-        with SpawnerLink(settings.name, settings.run, settings.endpoint, on_event=inbox.put):
+        with SpawnerLink(settings.name, settings.run, settings.endpoint, on_event=inbox.put, certs=settings.certs):
             say(f"{settings.name} starts up to {settings.limit} prosumers in run {settings.run} at {settings.endpoint}")
             Spawner(settings, inbox).serve()
     except (ZengridError, OSError) as error:

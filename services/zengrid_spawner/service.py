@@ -14,9 +14,10 @@ from typing import Literal
 
 import psutil
 
+from zengrid.bus.credentials import Credentials
 from zengrid.bus.hub import Query
 from zengrid.bus.spawner import SpawnerEvent
-from zengrid.errors import PolicyError, WireError
+from zengrid.errors import PolicyError, SecurityError, WireError
 from zengrid.processes import Event, ProcessSpec, Restarts, Supervisor
 from zengrid.processes.start import spawn
 from zengrid.wire.codec import decode, encode
@@ -158,6 +159,11 @@ class Spawner:
             return "taken", f"id = {name}: runs here already, or is just ending"
         if name in self._present:
             return "taken", f"id = {name}: another process plays it; choose another id"
+        if it.certs is not None:
+            try:
+                Credentials(it.certs, name)
+            except SecurityError as error:
+                return "invalid", f"id = {name}: {error}"
         if alive >= it.limit:
             return "full", f"processes = {alive}: spawner {it.name} runs {it.limit} at most"
         memory_mb = self._memory_mb()
@@ -209,6 +215,8 @@ class Spawner:
     def _spec(self, wish: SpawnRequest) -> ProcessSpec:
         it, home = self.settings, wish.home
         bus = ("--connect", it.endpoint, "--run", it.run)
+        if it.certs is not None:
+            bus += ("--certs", str(it.certs))
         words = (
             "prosumer",
             "--id",

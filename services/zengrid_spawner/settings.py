@@ -33,6 +33,8 @@ class Settings:
     name: str = field(default_factory=default_name)
     run: str = DEFAULT_RUN
     endpoint: str = DEFAULT_ENDPOINT
+    certs: Path | None = None
+    """Folder of certificates, of this spawner and of all it may start, where the market needs one."""
     limit: int = 64
     """Most processes."""
     memory_mb: float = 8192.0

@@ -27,6 +27,10 @@ class BusError(ZengridError):
     """A Zenoh session cannot be opened, or nobody answers on it."""
 
 
+class SecurityError(ZengridError):
+    """A certificate or key is missing, no longer valid, or not what it should be."""
+
+
 class RefusedError(ZengridError):
     """The other side answered, and said no: the message says why, ``reason`` in one word (see ``RefusalReason``)."""
 

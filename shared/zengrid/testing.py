@@ -81,13 +81,20 @@ class Market:
         Built-in scenario or path.
     options:
         More options for the clock, such as ``("--days", "2")``.
+    run:
+        Its name.
+    certs:
+        Folder of certificates (``zengrid certs``); without one nobody is authenticated.
     """
 
-    def __init__(self, scenario: str = "paper", options: Sequence[str] = (), run: str = "test") -> None:
+    def __init__(
+        self, scenario: str = "paper", options: Sequence[str] = (), run: str = "test", certs: Path | None = None
+    ) -> None:
         self.scenario = scenario
         self.options = [str(option) for option in options]
         self.run = run
-        self.endpoint = free_endpoint()
+        self.certs = certs
+        self.endpoint = free_endpoint() if certs is None else f"tls/127.0.0.1:{free_port()}"
         self.processes: dict[str, Process] = {}
         self.last: PublicSlot | None = None
         self._changed = threading.Condition()
@@ -98,7 +105,7 @@ class Market:
         self.journal = self.folder / "journal.db"
         try:
             self.start_clock()
-            self.client = Client(self.run, self.endpoint, timeout_s=20.0)
+            self.client = Client(self.run, self.endpoint, certs=self.certs, timeout_s=20.0)
         except BaseException as error:
             self._close()
             raise AssertionError(f"the market did not start: {error}\n{self.said()}") from error
@@ -125,10 +132,15 @@ class Market:
         return "\n".join(f"--- {p.name} (exit code {p.popen.poll()})\n{p.said()}" for p in self.processes.values())
 
     def start(self, name: str, *command: str) -> Process:
-        """Start a program of your own. ``ZENGRID_CONNECT`` and ``ZENGRID_RUN`` in its environment name the market."""
+        """Start a program of your own; its environment names the market.
+
+        ``ZENGRID_CONNECT`` and ``ZENGRID_RUN``, and ``ZENGRID_CERTS`` where the market needs certificates.
+        """
         if name in self.processes and self.processes[name].popen.poll() is None:
             raise ValueError(f"name = {name}: a process of this name runs; give it another name")
         where = {"ZENGRID_CONNECT": self.endpoint, "ZENGRID_RUN": self.run}
+        if self.certs is not None:
+            where["ZENGRID_CERTS"] = str(self.certs)
         self.processes[name] = process = Process(name, command, self.folder, where)
         return process
 

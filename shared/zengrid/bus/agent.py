@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple, Self
 
@@ -12,6 +13,7 @@ import zenoh
 from zenoh import handlers
 
 from zengrid.bus.client import request
+from zengrid.bus.credentials import Credentials
 from zengrid.bus.keys import Keys
 from zengrid.bus.session import DEFAULT_ENDPOINT, open_client
 from zengrid.errors import BusError, ZengridError
@@ -46,13 +48,26 @@ class Arrival(NamedTuple):
 
 
 class AgentLink:
-    """One agent's session. Use it with ``with``; call ``join`` and ``ready``, then ``receive`` and ``act`` in turn."""
+    """One agent's session. Use it with ``with``; call ``join`` and ``ready``, then ``receive`` and ``act`` in turn.
 
-    def __init__(self, agent: str, run: str, endpoint: str = DEFAULT_ENDPOINT, *, timeout_s: float = 30.0) -> None:
+    With ``certs``, a folder of certificates, it shows the one that has the agent's name.
+    """
+
+    def __init__(
+        self,
+        agent: str,
+        run: str,
+        endpoint: str = DEFAULT_ENDPOINT,
+        *,
+        certs: Path | None = None,
+        timeout_s: float = 30.0,
+    ) -> None:
         self.agent = agent
         self.keys = Keys(run)
         self.timeout_s = timeout_s
-        self._session = open_client(endpoint, timeout_s=timeout_s)
+        self._session = open_client(
+            endpoint, credentials=None if certs is None else Credentials(certs, agent), timeout_s=timeout_s
+        )
         self._closed = threading.Event()
         self._token: zenoh.LivelinessToken | None = None
         try:
@@ -87,7 +102,7 @@ class AgentLink:
         until = time.monotonic() + timeout_s
         while True:
             try:
-                return request(self._session, self.keys.join, wish, JoinReply, ATTEMPT_S)
+                return request(self._session, self.keys.join(self.agent), wish, JoinReply, ATTEMPT_S)
             except BusError:
                 # After a link was lost the clock's token can be back before its questions are: ask again.
                 if time.monotonic() > until:
@@ -121,7 +136,7 @@ class AgentLink:
     def leave(self, instance: str, timeout_s: float = 5.0) -> LeaveReply:
         """Take this agent's homes out of the market."""
         wish = LeaveRequest(agent=self.agent, instance=instance)
-        return request(self._session, self.keys.leave, wish, LeaveReply, timeout_s)
+        return request(self._session, self.keys.leave(self.agent), wish, LeaveReply, timeout_s)
 
     def receive(self) -> Arrival | None:
         """Wait for an observation; None when the link was closed."""

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from types import TracebackType
 from typing import Literal, Self, TypeVar
 
 import zenoh
 
+from zengrid.bus.credentials import OPERATOR, Credentials
 from zengrid.bus.keys import Keys, agent_of
 from zengrid.bus.session import DEFAULT_ENDPOINT, open_client
 from zengrid.errors import BusError, RefusedError
@@ -55,12 +57,24 @@ def request(session: zenoh.Session, key: str, message: Message, kind: type[M], t
 
 
 class Client:
-    """A session that watches and steers. Use it with ``with``."""
+    """A session that watches and steers. Use it with ``with``.
 
-    def __init__(self, run: str, endpoint: str = DEFAULT_ENDPOINT, *, timeout_s: float = 5.0) -> None:
+    With ``certs``, a folder of certificates, it shows the one called ``name``.
+    """
+
+    def __init__(
+        self,
+        run: str,
+        endpoint: str = DEFAULT_ENDPOINT,
+        *,
+        certs: Path | None = None,
+        name: str = OPERATOR,
+        timeout_s: float = 5.0,
+    ) -> None:
         self.keys = Keys(run)
         self.timeout_s = timeout_s
-        self.session = open_client(endpoint, timeout_s=timeout_s)
+        credentials = None if certs is None else Credentials(certs, name)
+        self.session = open_client(endpoint, credentials=credentials, timeout_s=timeout_s)
 
     def __enter__(self) -> Self:
         return self

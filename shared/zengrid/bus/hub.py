@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable
 from contextlib import suppress
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal, NamedTuple, Self
 
 import zenoh
 from zenoh import handlers
 
+from zengrid.bus.access import Names
 from zengrid.bus.alarm import Alarm
-from zengrid.bus.keys import Keys, agent_of
+from zengrid.bus.keys import Keys, agent_of, asker_of
 from zengrid.bus.linger import never_linger
 from zengrid.bus.session import DEFAULT_ENDPOINT, open_clock
 from zengrid.errors import ZengridError
@@ -25,7 +27,7 @@ INBOX_LIMIT = 4096
 _WAKE = "clock"
 """The clock puts a message to itself under this agent's name to wake up; no agent may have it."""
 
-EventKind = Literal["action", "alive", "gone", "join", "leave", "control"]
+EventKind = Literal["action", "alive", "gone", "join", "leave", "control", "twin"]
 
 
 class Query:
@@ -48,7 +50,10 @@ class Query:
 
 
 class Event(NamedTuple):
-    """One thing that happened: an action, a token that came or went, or a question."""
+    """One thing that happened: an action, a token that came or went, a question, or a second link of an agent (twin).
+
+    ``agent`` is who sent it; with certificates nobody else can have. Empty where an operator asks.
+    """
 
     kind: EventKind
     agent: str
@@ -60,12 +65,17 @@ class Event(NamedTuple):
 class Hub:
     """The clock's session, subscriptions and publishers. Use it with ``with``."""
 
-    def __init__(self, run: str, endpoint: str = DEFAULT_ENDPOINT, *, insecure: bool = False) -> None:
+    def __init__(
+        self, run: str, endpoint: str = DEFAULT_ENDPOINT, *, certs: Path | None = None, insecure: bool = False
+    ) -> None:
         self.keys = Keys(run)
+        self.agents = frozenset(() if certs is None else Names.load(certs).agents)
+        """Who can take part where certificates are needed; empty where anybody can."""
         self._others: deque[tuple[EventKind, Any]] = deque()
         self._observation: dict[str, zenoh.Publisher] = {}
         self._latest = b""
-        self._session = open_clock(endpoint, insecure=insecure)
+        self._links: Counter[str] = Counter()
+        self._session = open_clock(run, endpoint, certs=certs, insecure=insecure)
         try:
             self._declare()
         except BaseException:
@@ -100,12 +110,24 @@ class Hub:
         self._alarm = Alarm(self._wake)
         self._declared: list[Any] = [
             never_linger(session),
+            session.info.declare_link_events_listener(handlers.Callback(self._link_changed, indirect=False)),
             session.liveliness().declare_subscriber(keys.alive_all, self._direct("alive"), history=True),
-            session.declare_queryable(keys.join, self._direct("join"), complete=True),
-            session.declare_queryable(keys.leave, self._direct("leave"), complete=True),
+            session.declare_queryable(keys.join("*"), self._direct("join"), complete=True),
+            session.declare_queryable(keys.leave("*"), self._direct("leave"), complete=True),
             session.declare_queryable(keys.control, self._direct("control"), complete=True),
             session.declare_queryable(keys.slot, handlers.Callback(self._answer_slot, indirect=False), complete=True),
         ]
+
+    def _link_changed(self, event: zenoh.LinkEvent) -> None:
+        """A certificate that is used twice at a time may have been stolen."""
+        name = event.link.auth_identifier
+        if name not in self.agents:
+            return
+        came = event.kind == zenoh.SampleKind.PUT
+        self._links[name] += 1 if came else -1
+        if came and self._links[name] > 1:
+            self._others.append(("twin", name))
+            self._wake()
 
     def announce(self) -> None:
         """Show that the clock is ready: agents join (again) when they see this token."""
@@ -144,8 +166,11 @@ class Hub:
         if kind == "alive":
             came = item.kind == zenoh.SampleKind.PUT
             return Event("alive" if came else "gone", agent_of(str(item.key_expr)), b"", "", None)
+        if kind == "twin":
+            return Event(kind, item, b"", "", None)
         query = Query(item)
-        return Event(kind, "", query.payload, JSON, query)
+        asker = "" if kind == "control" else asker_of(str(item.key_expr))
+        return Event(kind, asker, query.payload, JSON, query)
 
     def observe(self, agent: str, payload: bytes, encoding: str) -> None:
         """Send an agent its observation; blocks while its link is full (bounded, then the link is closed)."""

@@ -18,8 +18,6 @@ class Keys:
         self.base = base = f"{ROOT}/{run}"
         self.slot = f"{base}/clock/slot"
         self.clock_alive = f"{base}/clock/alive"
-        self.join = f"{base}/clock/join"
-        self.leave = f"{base}/clock/leave"
         self.control = f"{base}/clock/control"
         self.history = f"{base}/clock/history"
         self.scenario = f"{base}/clock/scenario"
@@ -27,6 +25,17 @@ class Keys:
         self.alive_all = f"{base}/agent/*/alive"
         self.anyone_alive = f"{base}/**/alive"
         self._agent = f"{base}/agent"
+
+    def join(self, agent: str) -> str:
+        """Where the process of an agent asks to take part; ``*`` is where the clock answers all of them.
+
+        The agent is part of the key because a question says nothing else of who asks that an access list could check.
+        """
+        return f"{self.base}/clock/join/{agent}"
+
+    def leave(self, agent: str) -> str:
+        """Where it asks to be taken out."""
+        return f"{self.base}/clock/leave/{agent}"
 
     def observation(self, agent: str) -> str:
         """Where the clock tells an agent what it may see."""
@@ -52,3 +61,8 @@ class Keys:
 def agent_of(key: str) -> str:
     """The agent in a key such as ``.../agent/p1/action``."""
     return key.rsplit("/", 2)[1]
+
+
+def asker_of(key: str) -> str:
+    """The agent in a key such as ``.../clock/join/p1``."""
+    return key.rpartition("/")[2]

@@ -5,6 +5,8 @@ from __future__ import annotations
 import ipaddress
 import json
 import os
+import time
+from pathlib import Path
 from typing import Any
 
 # Fewer hand-overs between Zenoh's own threads: 10-25 % less CPU a message. Read once, when the library starts.
@@ -15,11 +17,15 @@ os.environ.setdefault(
 
 import zenoh
 
-from zengrid.errors import BusError
+from zengrid.bus.access import Names, limits
+from zengrid.bus.credentials import CLOCK, Credentials, secured
+from zengrid.errors import BusError, SecurityError
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 MAX_MESSAGE_BYTES = 16 * 2**20
 _LOOPBACK_NAMES = {"localhost"}
+FIRST_ATTEMPT_S = 2.0
+"""After this time without a link it is asked whether a certificate is the reason. [s]"""
 
 
 def is_loopback(endpoint: str) -> bool:
@@ -36,21 +42,39 @@ def is_loopback(endpoint: str) -> bool:
         return False
 
 
-def open_clock(endpoint: str = DEFAULT_ENDPOINT, *, insecure: bool = False) -> zenoh.Session:
+def open_clock(
+    run: str, endpoint: str = DEFAULT_ENDPOINT, *, certs: Path | None = None, insecure: bool = False
+) -> zenoh.Session:
     """Open the hub that every agent connects to.
+
+    Parameters
+    ----------
+    run:
+        Name of the market: the access list holds for its keys.
+    certs:
+        Folder of certificates; without it nobody is authenticated.
 
     Raises
     ------
     BusError
-        Where the endpoint is not on loopback and ``insecure`` is not set, or cannot be listened on.
+        Where the endpoint is not on loopback and neither ``certs`` nor ``insecure`` is given, or cannot be listened on.
+    SecurityError
+        Where certificates are missing.
     """
-    if not insecure and not is_loopback(endpoint):
+    credentials = None if certs is None else Credentials(certs, CLOCK)
+    endpoint = secured(endpoint, credentials)
+    if credentials is None and not insecure and not is_loopback(endpoint):
         raise BusError(
             f"endpoint = {endpoint}: only loopback is allowed without authentication, such as {DEFAULT_ENDPOINT}; "
-            "pass --insecure to let anyone who reaches this address take part"
+            "give certificates with --certs (zengrid certs makes them), or pass --insecure to let anyone who reaches "
+            "this address take part"
         )
+    guarded: dict[str, Any] = {}
+    if credentials is not None:
+        guarded = {**credentials.settings(), **limits(Names.load(credentials.folder), run)}
     return _open(
         {
+            **guarded,
             "mode": "peer",
             "listen/endpoints": [endpoint],
             "listen/exit_on_failure": True,
@@ -65,16 +89,39 @@ def open_clock(endpoint: str = DEFAULT_ENDPOINT, *, insecure: bool = False) -> z
     )
 
 
-def open_client(endpoint: str = DEFAULT_ENDPOINT, *, timeout_s: float = 30.0) -> zenoh.Session:
+def open_client(
+    endpoint: str = DEFAULT_ENDPOINT, *, credentials: Credentials | None = None, timeout_s: float = 30.0
+) -> zenoh.Session:
     """Open an agent's or operator's session; waits until the clock (or a router) can be reached.
 
     Raises
     ------
     BusError
         Where nobody listens on the endpoint within the time.
+    SecurityError
+        Where one side does not accept the other's certificate.
     """
+    endpoint = secured(endpoint, credentials)
+    if credentials is None:
+        return _connect(endpoint, {}, timeout_s)
+    until = time.monotonic() + timeout_s
+    try:
+        return _connect(endpoint, credentials.settings(), min(timeout_s, FIRST_ATTEMPT_S))
+    except BusError:
+        # Zenoh does not tell a refused certificate from a dead endpoint, and waiting mends only the latter.
+        refusal = credentials.refusal(endpoint)
+        if refusal is not None:
+            raise SecurityError(refusal) from None
+        left_s = until - time.monotonic()
+        if left_s <= 0:
+            raise
+        return _connect(endpoint, credentials.settings(), left_s)
+
+
+def _connect(endpoint: str, security: dict[str, Any], timeout_s: float) -> zenoh.Session:
     return _open(
         {
+            **security,
             "mode": "client",
             "listen/endpoints": [],
             "connect/endpoints": [endpoint],

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from types import TracebackType
 from typing import Literal, NamedTuple, Self
 
 import zenoh
 from zenoh import handlers
 
+from zengrid.bus.credentials import Credentials
 from zengrid.bus.hub import Query
 from zengrid.bus.keys import Keys, agent_of
 from zengrid.bus.session import DEFAULT_ENDPOINT, open_client
@@ -30,7 +32,7 @@ class SpawnerLink:
     Parameters
     ----------
     name:
-        Of the spawner.
+        Of the spawner, and of its certificate in the folder ``certs`` where one is given.
     on_event:
         Told everything, on Zenoh's own threads: it may only hand over.
     """
@@ -42,10 +44,13 @@ class SpawnerLink:
         endpoint: str = DEFAULT_ENDPOINT,
         *,
         on_event: Callable[[SpawnerEvent], None],
+        certs: Path | None = None,
         timeout_s: float = 30.0,
     ) -> None:
         keys = Keys(run)
-        self._session = open_client(endpoint, timeout_s=timeout_s)
+        self._session = open_client(
+            endpoint, credentials=None if certs is None else Credentials(certs, name), timeout_s=timeout_s
+        )
 
         def ask(kind: Literal["spawn", "stop", "status"]) -> zenoh.Queryable[None]:
             key = keys.spawner(name, kind)

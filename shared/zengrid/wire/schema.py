@@ -48,12 +48,18 @@ CHANNELS = (
     ),
     Channel(
         "join",
-        "clock/join",
+        "clock/join/{id}",
         "A process asks to play an agent, with or without new homes.",
         (requests.JoinRequest,),
         (requests.JoinReply,),
     ),
-    Channel("leave", "clock/leave", "A process takes its homes out.", (requests.LeaveRequest,), (requests.LeaveReply,)),
+    Channel(
+        "leave",
+        "clock/leave/{id}",
+        "A process takes its homes out.",
+        (requests.LeaveRequest,),
+        (requests.LeaveReply,),
+    ),
     Channel("control", "clock/control", "Operators steer the market.", (requests.ControlRequest,), (requests.Status,)),
     Channel(
         "history",
@@ -108,8 +114,11 @@ def asyncapi() -> dict[str, Any]:
             "address": f"zengrid/@v1/{{run}}/{channel.address}",
             "description": channel.says,
             "parameters": {
-                name: {"description": f"Name of the {'run' if name == 'run' else channel.address.partition('/')[0]}."}
-                for name in ("run", "id")
+                name: {"description": f"Name of the {what}."}
+                for name, what in (
+                    ("run", "run"),
+                    ("id", "spawner" if channel.address.startswith("spawner") else "agent"),
+                )
                 if name == "run" or "{id}" in channel.address
             },
             "messages": {
