@@ -214,9 +214,8 @@ class Spawner:
 
     def _spec(self, wish: SpawnRequest) -> ProcessSpec:
         it, home = self.settings, wish.home
-        bus = ("--connect", it.endpoint, "--run", it.run)
-        if it.certs is not None:
-            bus += ("--certs", str(it.certs))
+        certs = () if it.certs is None else ("--certs", str(it.certs))
+        bus = ("--connect", it.endpoint, "--run", it.run, *certs)
         words = (
             "prosumer",
             "--id",
