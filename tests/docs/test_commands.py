@@ -27,7 +27,14 @@ from zengrid.bus.client import Client
 from zengrid.errors import BusError
 from zengrid.testing import free_endpoint, free_port
 
-PAGES = ["README.md", "docs/getting-started.md", "docs/http.md", "docs/own-agent.md", "docs/scenarios.md", "docs/security.md"]
+PAGES = [
+    "README.md",
+    "docs/getting-started.md",
+    "docs/http.md",
+    "docs/own-agent.md",
+    "docs/scenarios.md",
+    "docs/security.md",
+]
 ELSEWHERE = {
     "make": "installs; `make up` is taken for the command that it ends with",
     "source": "the environment is active already",
