@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import signal
 import subprocess
 import sys
@@ -142,6 +143,17 @@ def test_viewers_that_do_not_read_any_more_cost_only_themselves(market: Market) 
     run = settled(market)
     assert longest_gap_s(run) < DEADLINE_S + SLACK_S
     assert not any(block["fallback"].any() for block in run.blocks())
+
+
+def test_the_clock_keeps_its_locks_on_the_journal(market: Market) -> None:
+    # Each link that came had the clock look at all that it has open. Without this lock the next reader would cut the
+    # index of SQLite's log (its byte 128 says that the index is in use) under the clock's feet.
+    with Path(f"{market.journal}-shm").open("r+b") as index, pytest.raises(BlockingIOError):
+        fcntl.lockf(index, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, 128)
+    for _ in range(20):
+        with Journal.open(market.journal, read_only=True) as journal:
+            assert journal.run().count() > 0
+    market.wait_for_slots(5)
 
 
 def test_a_second_process_of_the_same_name_is_refused(market: Market) -> None:

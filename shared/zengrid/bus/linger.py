@@ -7,7 +7,6 @@ stopped viewers were enough to stop a market. Without the option the kernel deli
 
 from __future__ import annotations
 
-import os
 import socket
 import struct
 from pathlib import Path
@@ -29,16 +28,17 @@ def never_linger(session: zenoh.Session) -> zenoh.LinkEventsListener[None]:
 
 
 def _switch_off() -> None:
+    # No descriptor may be copied and closed again: closing a copy gives up all locks of this process on the file behind
+    # it, the journal's among them.
     for entry in list(Path("/dev/fd").iterdir()):
         try:
-            descriptor = os.dup(int(entry.name))
+            link = socket.socket(fileno=int(entry.name))
         except OSError:
-            continue
+            continue  # no socket, or closed by now
         try:
-            link = socket.socket(fileno=descriptor)
-        except OSError:
-            os.close(descriptor)
-            continue
-        with link:
             if link.family in (socket.AF_INET, socket.AF_INET6) and link.type == socket.SOCK_STREAM:
                 link.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _NO_LINGER)
+        except OSError:
+            pass
+        finally:
+            link.detach()
