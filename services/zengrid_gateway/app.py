@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import functools
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
@@ -63,7 +64,7 @@ def create_app(settings: Settings, access: Access) -> FastAPI:
         docs_url=None,
         redoc_url=None,
     )
-    app.openapi = lambda: describe(app)  # type: ignore[method-assign] # FastAPI's own way to change it
+    app.openapi = functools.cache(lambda: describe(app))  # type: ignore[method-assign] # FastAPI's own way to change it
     app.state.access = access
     app.state.origins = settings.origins
     problems.install(app)

@@ -53,13 +53,19 @@ class Guard:
             await self._app(scope, receive, send)
             return
         began = time.perf_counter()
+        if head := scope.get("method") == "HEAD":
+            scope = {**scope, "method": "GET"}  # the answer is that of GET, without what follows its head
 
         async def send_on(message: Message) -> None:
             if message["type"] == "http.response.start":
                 message["headers"] = [*message["headers"], *HEADERS]
                 route = getattr(scope.get("route"), "path", "other")
                 self._answered(route, message["status"], time.perf_counter() - began)
-            await send(message)
+                await send(message)
+                if head:
+                    await send({"type": "http.response.body"})
+            elif not head:
+                await send(message)
 
         problem = self._refuse(scope)
         if problem is None:

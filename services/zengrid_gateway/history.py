@@ -12,7 +12,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from zengrid.wire.base import AgentId
 from zengrid_gateway.archive import ArchiveOf, Part, Past
-from zengrid_gateway.problems import FieldError, Problem, documented
+from zengrid_gateway.invalid import FieldError
+from zengrid_gateway.problems import Problem, documented
 from zengrid_gateway.tables import (
     MEDIA_TYPES,
     Format,
@@ -112,7 +113,13 @@ class HomeHistory(Page):
     rows: list[HomeRow]
 
 
-_FILES: dict[str, Any] = {MEDIA_TYPES[name]: {"schema": {"type": "string"}} for name in ("csv", "parquet")}
+_FILES: dict[str, Any] = {
+    MEDIA_TYPES["csv"]: {
+        "schema": {"type": "string"},
+        "example": '"position","day","slot","hour","buy_price","sell_price"\n89,3,17,17,0.07,0.095\n',
+    },
+    MEDIA_TYPES["parquet"]: {"schema": {"type": "string", "format": "binary"}},
+}
 _ANSWERS: dict[int | str, dict[str, Any]] = {
     200: {"description": "JSON, CSV or Parquet", "content": _FILES},
     **documented("market-away", "not-found", "invalid"),

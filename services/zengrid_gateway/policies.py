@@ -15,8 +15,9 @@ from zengrid.errors import BusError, RefusedError
 from zengrid.wire.base import AgentId
 from zengrid.wire.requests import AgentStatus, PolicyReply, PolicyRequest, Status
 from zengrid_gateway.archive import Archive, ArchiveOf
+from zengrid_gateway.invalid import FieldError
 from zengrid_gateway.link import Link, MarketLink
-from zengrid_gateway.problems import FieldError, Problem, documented
+from zengrid_gateway.problems import Problem, documented
 from zengrid_gateway.quantities import QuantityError, candidates, observations, present
 from zengrid_gateway.shelf import Shelf, ShelfOf, answer, home_spec
 

@@ -13,6 +13,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.exceptions import HTTPException
 
 from zengrid.errors import BusError, RefusedError, ZengridError
+from zengrid_gateway import invalid
+from zengrid_gateway.invalid import FieldError
 
 MAX_BODY_BYTES = 2 * 2**20
 """Largest request."""
@@ -52,14 +54,6 @@ REFUSALS: Mapping[str, Kind] = {"invalid": "invalid", "unknown": "not-found", "u
 """What the other side's reasons mean here; all others are conflicts."""
 ANYWHERE: tuple[Kind, ...] = ("unauthorized", "misdirected", "too-many", "failed")
 """Problems that any request can meet."""
-
-
-class FieldError(BaseModel):
-    """One field of a request that cannot be used."""
-
-    field: str = Field(description="Where it stands, such as `body.battery.capacity_kwh`.")
-    value: Any = Field(default=None, description="What was sent.")
-    allowed: str = Field(description="What is allowed.")
 
 
 class ProblemDetails(BaseModel):
@@ -136,22 +130,13 @@ async def _invalid(request: Request, error: Exception) -> Response:
     if any(isinstance(each.get("input"), bytes) for each in found):
         media = request.headers.get("content-type", "missing")[:100]
         return Problem("invalid", f"Content-Type = {media}: a body must be application/json").response()
-    errors = [
-        FieldError(
-            field=".".join(map(str, each["loc"])),
-            value=_shown(each.get("input")),
-            allowed=each["msg"].removeprefix("Value error, "),
-        )
-        for each in found
-    ]
+
+    def names(place: invalid.Place) -> list[str]:
+        return invalid.fields(request.app.openapi(), request.scope["route"].path, request.method, place)
+
+    errors = invalid.explain(found, error.body, names)
     first = errors[0]
     return Problem("invalid", f"{first.field} = {first.value}: {first.allowed}", errors=errors).response()
-
-
-def _shown(value: Any) -> Any:
-    """What was sent, cut to a length that fits an answer."""
-    text = repr(value)
-    return value if len(text) <= 200 and isinstance(value, str | int | float | bool | None) else f"{text[:200]}"
 
 
 async def _http(request: Request, error: Exception) -> Response:
@@ -173,14 +158,15 @@ def _methods(request: Request) -> list[str]:
     for template, operations in request.app.openapi()["paths"].items():
         if re.fullmatch(re.sub(r"{\w+}", "[^/]+", template), request.url.path):
             methods += [method.upper() for method in operations]
-    return sorted(methods)
+    return sorted([*methods, "HEAD"] if "GET" in methods else methods)
 
 
 async def _zengrid(request: Request, error: Exception) -> Response:
     if isinstance(error, BusError):
         return Problem("market-away", str(error)).response()
     kind = REFUSALS.get(error.reason, "refused") if isinstance(error, RefusedError) else "invalid"
-    return Problem(kind, str(error)).response()
+    inside = "body." if request.method == "POST" else ""
+    return Problem(kind, str(error), errors=invalid.told(str(error), inside=inside)).response()
 
 
 async def _failed(request: Request, error: Exception) -> Response:

@@ -75,7 +75,7 @@ async def start(
     """Add a home with a process of its own; it counts from the next slot on. Answers when it takes part."""
     home = HomeSpec.model_validate(wish.model_dump(exclude={"policy"}))
     request = SpawnRequest(home=home, policy=wish.policy, key=idempotency_key)
-    chosen = await _choose(link, home.id)
+    chosen = await _choose(link, home.id, wish.policy)
     process = await link.ask(lambda client: client.spawn(chosen, request))
     link.forget_homes()
     response.headers["location"] = f"/v1/prosumers/{home.id}"
@@ -105,15 +105,16 @@ async def _stop(link: MarketLink, spawner: str, home: str) -> None:
     link.forget_homes()
 
 
-async def _choose(link: MarketLink, home: str) -> str:
-    """The spawner that has this home already, else the one with most room."""
+async def _choose(link: MarketLink, home: str, policy: str) -> str:
+    """The spawner that has this home already, else of those that know the policy the one with most room."""
     found = await link.ask(lambda client: client.spawners())
     if not found:
         raise Problem("no-spawner", f"run {link.run}: has no spawner; start one with: zengrid spawner")
     for spawner in found:
         if any(process.id == home for process in spawner.processes):
             return spawner.spawner
-    return max(found, key=_room).spawner
+    name = policy.partition(":")[0]
+    return max(found, key=lambda spawner: (name in spawner.policies, _room(spawner))).spawner
 
 
 def _room(spawner: SpawnerStatus) -> float:

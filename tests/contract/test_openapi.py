@@ -21,7 +21,9 @@ EXAMPLES = 5
 
 # Besides the codes that Schemathesis takes for a refusal: no length, too large, not this server.
 REFUSALS = ["400", "401", "403", "404", "405", "406", "409", "411", "413", "415", "421", "422", "428", "429", "5xx"]
-CONFIG = schemathesis.Config.from_dict({"checks": {"negative_data_rejection": {"expected-statuses": REFUSALS}}})
+CONFIG = schemathesis.Config.from_dict(
+    {"request-timeout": 60, "checks": {"negative_data_rejection": {"expected-statuses": REFUSALS}}}
+)
 
 document = create_app(Settings(), Access("nothing", Tokens({}))).openapi()
 # A live stream never ends; it has tests of its own.

@@ -215,12 +215,22 @@ def test_a_policy_answers_many_questions(gateway: Gateway) -> None:
         ({"quantities": {"soc": [0.1, 0.2], "pv_kw": [1]}}, "body.quantities.pv_kw", "one length"),
         ({}, "body", "one of the two"),
         ({"observations": []}, "body.observations", "at least 1"),
+        ({"quantities": {"soc": [0.1, "much"]}}, "body.quantities.soc.1", "number"),
+        ({"quantities": {"soc": "much"}}, "body.quantities.soc", "number; or: Input should be a valid list"),
+        ({"quantities": {}, "colour": 1}, "body.colour", "there are quantities, observations, home"),
     ],
 )
 def test_policy_questions_that_make_no_sense(gateway: Gateway, body: object, field: str, allowed: str) -> None:
     (error,) = gateway.post("/v1/policies/p1/query", body, 422)["errors"]
     assert error["field"] == field
     assert allowed in error["allowed"]
+
+
+def test_a_head_is_that_of_get(gateway: Gateway) -> None:
+    for path in ("/v1/price", "/v1/market", "/v1/live", "/"):
+        answer = gateway.http.head(path)
+        assert (answer.status_code, answer.content) == (200, b"")
+    assert gateway.http.head("/v1/nothing").status_code == 404
 
 
 def test_control(gateway: Gateway) -> None:

@@ -62,7 +62,10 @@ def test_the_same_key_starts_nothing_twice(gateway: Gateway) -> None:
     ],
 )
 def test_clear_refusals(gateway: Gateway, home: object, status: int, says: str) -> None:
-    assert says in gateway.post("/v1/prosumers", home, status)["detail"]
+    problem = gateway.post("/v1/prosumers", home, status)
+    assert says in problem["detail"]
+    assert all(error["field"].startswith("body.") for error in problem["errors"])
+    assert problem["errors"]
     gateway.wait("/v1/prosumers", lambda answer: answer.json()["total"] == 3, "nobody beside the three", 5.0)
 
 
