@@ -8,8 +8,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from zengrid.bus.access import Names
+from zengrid.bus.access import Names, write_router
 from zengrid.bus.credentials import AUTHORITY, CLOCK, GATEWAY, OPERATOR, ROUTER, SPAWNER
+from zengrid.bus.keys import DEFAULT_RUN
 from zengrid.errors import SecurityError
 from zengrid_cli.options import parse_count
 
@@ -83,6 +84,14 @@ def parser() -> argparse.ArgumentParser:
     others.add_argument(
         "--days", type=parse_days, default=365, metavar="N", help="validity (default: %(default)s days)"
     )
+    others.add_argument(
+        "--router",
+        metavar="ENDPOINT",
+        help="also write router.json5, the configuration of a Zenoh router in front of the clock that listens there",
+    )
+    others.add_argument(
+        "--run", default=DEFAULT_RUN, metavar="NAME", help="the market it is for (default: %(default)s)"
+    )
     others.add_argument("--renew", action="store_true", help="new certificates for all names, with the keys they have")
     return it
 
@@ -111,6 +120,9 @@ def main(arguments: Sequence[str]) -> int:
             print(said)
     # Last, so that the list names nobody who has no certificate.
     names.save(folder)
+    if options.router is not None:
+        path = write_router(folder, names, options.run, options.router)
+        print(f"{path}: for zenohd -c {path.name}, in a folder with ca.pem, router.pem and router.key")
     count = f"{len(names.agents)} agent{'' if len(names.agents) == 1 else 's'}"
     print(f"{folder}/access.json: {count}; a clock that runs reads it when it is started again")
     return 0

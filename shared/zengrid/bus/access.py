@@ -14,7 +14,7 @@ from typing import Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from zengrid.bus.credentials import CLOCK, GATEWAY, OPERATOR, ROUTER
+from zengrid.bus.credentials import AUTHORITY, CLOCK, GATEWAY, OPERATOR, ROUTER
 from zengrid.bus.keys import Keys
 from zengrid.errors import SecurityError
 from zengrid.wire.base import AgentId
@@ -82,6 +82,29 @@ class Names(BaseModel):
     def sessions(self) -> int:
         """Most sessions at a time: some for each name, since operators look from several places at once."""
         return 64 + 2 * (len(self.agents) + len(self.spawners)) + 16 * len(self.operators)
+
+
+def write_router(folder: Path, names: Names, run: str, clock: str, listen: str = "tls/[::]:7447") -> Path:
+    """Write a router's configuration: it applies the same list to its own neighbours. Returns the file."""
+    tls = {
+        "enable_mtls": True, "root_ca_certificate": f"{AUTHORITY}.pem", "close_link_on_expiration": True,
+        "listen_certificate": f"{ROUTER}.pem", "listen_private_key": f"{ROUTER}.key",
+        "connect_certificate": f"{ROUTER}.pem", "connect_private_key": f"{ROUTER}.key",
+    }  # fmt: skip
+    guard = limits(names, run)
+    unicast = {key.rpartition("/")[2]: guard.pop(key) for key in list(guard) if "/" in key}
+    config = {
+        "mode": "router",
+        "listen": {"endpoints": [listen]},
+        # It waits for the clock as long as it takes, then and whenever that is away.
+        "connect": {"endpoints": [clock], "timeout_ms": -1, "exit_on_failure": False},
+        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        "transport": {"unicast": unicast, "link": {"tls": tls}, "shared_memory": {"enabled": False}},
+        **guard,
+    }
+    path = folder / "router.json5"
+    path.write_text(json.dumps(config, indent=2) + "\n")
+    return path
 
 
 def limits(names: Names, run: str) -> dict[str, Any]:
