@@ -10,6 +10,7 @@ Last, the cable is cut for a while.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
 import platform
@@ -47,7 +48,6 @@ def between(before: tuple[float, Status], after: tuple[float, Status]) -> Row:
         "slots": slots,
         "slots_s": slots / (after[0] - before[0]),
         "fallback_share": missed / max(slots * len(AGENTS), 1),
-        "price_p50_ms": after[1].latency.price_p50_ms,
     }
 
 
@@ -102,7 +102,8 @@ def main() -> None:
     if reason is not None:
         raise SystemExit(f"network.py: {reason}")
     with tempfile.TemporaryDirectory() as name, Hosts("there") as hosts:
-        certs = make_certs(Path(name) / "certs", "--host", hosts.here)
+        with contextlib.redirect_stdout(sys.stderr):
+            certs = make_certs(Path(name) / "certs", "--host", hosts.here)
         market = Market("paper", ("--deadline", str(chosen.deadline), "--wait", "60"), certs=certs)
         market.endpoint = f"tls/{hosts.here}:{free_port()}"
         with market:

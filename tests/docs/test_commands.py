@@ -34,16 +34,20 @@ PAGES = [
     "docs/own-agent.md",
     "docs/scenarios.md",
     "docs/security.md",
+    "docs/several-machines.md",
 ]
 ELSEWHERE = {
     "make": "installs; `make up` is taken for the command that it ends with",
     "source": "the environment is active already",
     "pip": "installs",
     "docker": "needs Docker",
+    "sudo": "measures, for minutes",
+    "zenohd": "is no Python package",
 }
 NEEDS = {
     "citylearn_challenge_2022_phase_all": "data that is not part of zengrid",
     "192.0.2.10": "another machine",
+    "router.example": "another machine",
     "my-market.yaml": "a file of the reader's",
     "market-1": "a run of the reader's",
 }

@@ -45,8 +45,8 @@ def main(names: list[str]) -> None:
                 line = os.read(0, FRAME).decode().split()
                 if not line:
                     return
-                for name, delay_s, loss in zip(line[::3], line[1::3], line[2::3], strict=True):
-                    quality[name] = float(delay_s), float(loss)
+                for name, *numbers in zip(line[::3], line[1::3], line[2::3], strict=True):
+                    quality[name] = float(numbers[0]), float(numbers[1])
                 continue
             name, other = way[device]
             delay_s, loss = quality[name]
