@@ -18,6 +18,7 @@ import pytest
 import zenoh
 
 from support.certs import make_certs
+from support.gateways import gateway, start_spawner
 from zengrid.bus.agent import AgentLink
 from zengrid.bus.certificates import Authority
 from zengrid.bus.client import Client
@@ -34,7 +35,7 @@ from zengrid.wire.codec import JSON, decode, encode
 from zengrid.wire.requests import ControlRequest, HistoryRequest, JoinRequest, LeaveRequest, Refusal, ScenarioRequest
 from zengrid.wire.slots import FleetAction, FleetObservation, GridAction
 
-pytestmark = pytest.mark.slow  # a market with many attackers takes its time
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]  # many attackers, and a machine that may be busy
 
 DEADLINE_S = 0.5
 SLACK_S = 1.5
@@ -316,13 +317,27 @@ def test_a_member_that_cheats_and_floods_gains_nothing_and_delays_nobody(market:
     market.wait_for_slot(lambda slot: slot.homes == 3, missing="a slot without p4")
 
 
+def test_the_page_starts_homes_that_have_a_certificate(certs: Path, tmp_path: Path) -> None:
+    home = {"id": "p4", "pv_kw": 5, "battery": {"capacity_kwh": 10}}
+    with Market("paper", ("--speed", "72000x"), certs=certs) as market:
+        market.start_agents(*PAPER)
+        start_spawner(market)
+        market.wait_for_slots(2, 40)
+        with gateway(market) as page:
+            page.wait("/v1/spawners", lambda answer: bool(answer.json().get("spawners")), "the spawner")
+            assert page.post("/v1/prosumers", home, 201)["process"]["state"] == "running"
+            assert "p9.pem: no such file" in page.post("/v1/prosumers", home | {"id": "p9"}, 422)["detail"]
+            page.wait("/metrics", lambda answer: "zengrid_market_up 1" in answer.text, "the metrics")
+            assert page.http.delete("/v1/prosumers/p4").status_code == 204
+
+
 def test_an_operator_may_look_and_steer_and_a_name_off_the_list_may_nothing(certs: Path, tmp_path: Path) -> None:
     mine = make_certs(tmp_path / "mine", "--ids", "p7")
     make_certs(mine, "--revoke", "p7")
     with Market("paper", ("--wait", "0"), certs=mine) as market:
         market.wait_for_slots(1)
-        with Client(market.run, market.endpoint, certs=mine, name="gateway", timeout_s=20.0) as gateway:
-            assert "paper" in gateway.scenario()
+        with Client(market.run, market.endpoint, certs=mine, name="gateway", timeout_s=20.0) as viewer:
+            assert "paper" in viewer.scenario()
         with session_of(market, "p7") as session:
             keys = Keys(market.run)
             assert ask(session, keys.slot, ControlRequest(command="status")) == []
