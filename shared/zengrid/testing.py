@@ -60,7 +60,7 @@ class Process:
         self.popen.kill()
         self.popen.wait()
 
-    def end(self, timeout_s: float = 10.0) -> int:
+    def end(self, timeout_s: float = 60.0) -> int:
         """Wait for the process to end by itself; returns its exit code."""
         try:
             return self.popen.wait(timeout_s)
@@ -172,7 +172,7 @@ class Market:
             self._changed.notify_all()
 
     def wait_for_slot(
-        self, wanted: Callable[[PublicSlot], bool] | int, timeout_s: float = 20.0, missing: str = "the slot"
+        self, wanted: Callable[[PublicSlot], bool] | int, timeout_s: float = 60.0, missing: str = "the slot"
     ) -> PublicSlot:
         """Wait for a settled slot: from a journal position on, or one that fits a condition."""
         condition = (lambda slot: slot.position >= wanted) if isinstance(wanted, int) else wanted
@@ -186,13 +186,13 @@ class Market:
             raise AssertionError(f"{missing} did not come within {timeout_s:g} s; last was {self.last}\n{self.said()}")
         return found
 
-    def wait_for_slots(self, count: int, timeout_s: float = 20.0) -> PublicSlot:
+    def wait_for_slots(self, count: int, timeout_s: float = 60.0) -> PublicSlot:
         """Wait until so many more slots are settled."""
         start = -1 if self.last is None else self.last.position
         return self.wait_for_slot(start + count, timeout_s, f"slot {start + count}")
 
     def wait_for_status(
-        self, wanted: Callable[[Status], bool], timeout_s: float = 20.0, missing: str = "the state"
+        self, wanted: Callable[[Status], bool], timeout_s: float = 60.0, missing: str = "the state"
     ) -> Status:
         """Wait for a state of the market: looked at again after each settled slot, or every 50 ms without one."""
         until = time.monotonic() + timeout_s

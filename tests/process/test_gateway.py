@@ -185,7 +185,7 @@ def test_a_stuck_client_costs_only_itself(gateway: Gateway) -> None:
         with gateway.http.stream("GET", "/v1/live") as response:
             stream = events(response)
             assert any(number is not None and number > first for _, number, _ in (next(stream) for _ in range(20)))
-        gateway.wait("/v1/price", lambda answer: answer.json()["position"] > first + 10, "newer prices", 5.0)
+        gateway.wait("/v1/price", lambda answer: answer.json()["position"] > first + 10, "newer prices")
 
 
 def test_policies(gateway: Gateway) -> None:

@@ -47,7 +47,7 @@ def test_a_market_that_dies_and_comes_back() -> None:
             assert before is not None
             market.processes["clock"].kill()
             assert next(data for name, _, data in stream if name == "market") == {"present": False}
-            it.wait("/v1/price", is_away, "the word that the market is away", 5.0)
+            it.wait("/v1/price", is_away, "the word that the market is away")
             # The journal is there all the same.
             assert it.get("/v1/history", params={"limit": 3})["rows"][2]["position"] == 2
             assert it.get("/v1/scenario")["name"] == "paper"
@@ -64,7 +64,7 @@ def test_a_market_that_dies_and_comes_back() -> None:
 def test_the_end_of_a_market() -> None:
     with running("--days", "3", "--speed", "3600x") as it:
         it.post("/v1/control", {"command": "speed", "speed": 0})
-        away = it.wait("/v1/price", is_away, "the end of the market", 20.0)
+        away = it.wait("/v1/price", is_away, "the end of the market")
         assert away.status_code == 503
         assert it.get("/v1/history", params={"resolution": "day"})["rows"][-1]["day"] == 2
         assert it.get("/v1/runs")["runs"][0]["finished_at"] is not None

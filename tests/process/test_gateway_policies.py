@@ -62,7 +62,7 @@ def test_an_agent_and_its_file_answer_alike() -> None:
             assert by_file["actions"] == by_agent["actions"]
             assert by_file["version"] == by_agent["version"]
             np.testing.assert_allclose(by_file["q_values"], by_agent["q_values"], rtol=1e-6)
-            it.wait("/v1/policies", lambda answer: answer.text.count('"away"') == 2, "the word of both deaths", 5.0)
+            it.wait("/v1/policies", lambda answer: answer.text.count('"away"') == 2, "the word of both deaths")
             gone = it.post("/v1/policies/p2/query", QUESTION, 503)
             assert "it played conventional" in gone["detail"]
             assert it.post("/v1/policies/p1/query", {"observations": [[1, 2]]}, 422)["status"] == 422

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import time
 from collections.abc import Iterator
 
 import pytest
@@ -21,17 +20,15 @@ def gateway() -> Iterator[Gateway]:
 
 
 def test_a_home_comes_and_goes(gateway: Gateway) -> None:
-    began = time.monotonic()
     started = gateway.post("/v1/prosumers", HOME, 201)
     assert started["process"]["state"] == "running"
-    assert time.monotonic() - began < 5.0
     os.kill(started["process"]["pid"], 0)
-    home = gateway.wait("/v1/prosumers/p4", lambda answer: answer.status_code == 200, "the home", 5.0).json()
+    home = gateway.wait("/v1/prosumers/p4", lambda answer: answer.status_code == 200, "the home").json()
     assert home["capacity_kwh"] == 10
-    gateway.wait("/v1/prosumers/p4", lambda answer: answer.json()["acted"] > 3, "its actions", 5.0)
+    gateway.wait("/v1/prosumers/p4", lambda answer: answer.json()["acted"] > 3, "its actions")
     assert gateway.get("/v1/spawners")["spawners"][0]["processes"][0]["id"] == "p4"
     assert gateway.http.delete("/v1/prosumers/p4").status_code == 204
-    gateway.wait("/v1/prosumers/p4", lambda answer: answer.status_code == 404, "its leaving", 5.0)
+    gateway.wait("/v1/prosumers/p4", lambda answer: answer.status_code == 404, "its leaving")
     with pytest.raises(ProcessLookupError):
         os.kill(started["process"]["pid"], 0)
     assert gateway.http.delete("/v1/prosumers/p4").status_code == 404
@@ -66,7 +63,7 @@ def test_clear_refusals(gateway: Gateway, home: object, status: int, says: str) 
     assert says in problem["detail"]
     assert all(error["field"].startswith("body.") for error in problem["errors"])
     assert problem["errors"]
-    gateway.wait("/v1/prosumers", lambda answer: answer.json()["total"] == 3, "nobody beside the three", 5.0)
+    gateway.wait("/v1/prosumers", lambda answer: answer.json()["total"] == 3, "nobody beside the three")
 
 
 def test_homes_started_elsewhere_are_ended_there(gateway: Gateway) -> None:
@@ -83,8 +80,8 @@ def test_a_process_that_dies_is_started_again(gateway: Gateway) -> None:
         (process,) = gateway.get("/v1/spawners")["spawners"][0]["processes"]
         return bool(process["state"] == "running" and process["restarts"] == 1 and process["pid"] != pid)
 
-    gateway.wait("/v1/spawners", again, "the second life", 10.0)
-    gateway.wait("/v1/prosumers/p6", lambda answer: answer.json()["presence"] == "present", "its presence", 10.0)
+    gateway.wait("/v1/spawners", again, "the second life")
+    gateway.wait("/v1/prosumers/p6", lambda answer: answer.json()["presence"] == "present", "its presence")
     assert gateway.http.delete("/v1/prosumers/p6").status_code == 204
 
 
@@ -92,18 +89,18 @@ def test_a_full_spawner_refuses_and_another_takes_over(gateway: Gateway) -> None
     market = gateway.market
     market.processes["spawner"].signal(signal.SIGTERM)
     assert market.processes["spawner"].end() == 0
-    gateway.wait("/v1/spawners", lambda answer: answer.json()["spawners"] == [], "the spawner's end", 5.0)
+    gateway.wait("/v1/spawners", lambda answer: answer.json()["spawners"] == [], "the spawner's end")
     assert "zengrid spawner" in gateway.post("/v1/prosumers", HOME, 503)["detail"]
     start_spawner(market, "--name", "small", "--limit", "1")
-    gateway.wait("/v1/spawners", lambda answer: len(answer.json()["spawners"]) == 1, "the small spawner", 10.0)
+    gateway.wait("/v1/spawners", lambda answer: len(answer.json()["spawners"]) == 1, "the small spawner")
     assert gateway.post("/v1/prosumers", HOME | {"id": "p7"}, 201)["spawner"] == "small"
     assert "1 at most" in gateway.post("/v1/prosumers", HOME | {"id": "p8"}, 409)["detail"]
     other = ("--connect", market.endpoint, "--run", market.run, "--logs", str(market.folder / "other"))
     market.start("other", *market.processes["spawner"].popen.args[:3], *other, "--name", "other")  # type: ignore[index]
-    gateway.wait("/v1/spawners", lambda answer: len(answer.json()["spawners"]) == 2, "the other spawner", 10.0)
+    gateway.wait("/v1/spawners", lambda answer: len(answer.json()["spawners"]) == 2, "the other spawner")
     assert gateway.post("/v1/prosumers", HOME | {"id": "p8"}, 201)["spawner"] == "other"
     for name in ("spawner", "other"):
         # Its homes leave with a spawner.
         market.processes[name].signal(signal.SIGTERM)
         assert market.processes[name].end() == 0
-    gateway.wait("/v1/prosumers", lambda answer: answer.json()["total"] == 3, "their leaving", 5.0)
+    gateway.wait("/v1/prosumers", lambda answer: answer.json()["total"] == 3, "their leaving")

@@ -13,7 +13,8 @@ import httpx
 
 from zengrid.testing import Market, Process, free_port
 
-START_S = 30.0
+START_S = 60.0
+"""Longest wait for what comes within a second where nothing else runs."""
 
 
 class Gateway:
@@ -26,7 +27,7 @@ class Gateway:
         command = (sys.executable, "-m", "zengrid_gateway", "--connect", market.endpoint, "--run", market.run)
         name = next(name for name in ("gateway", *map(str, range(100))) if name not in market.processes)
         self.process: Process = market.start(name, *command, "--port", str(self.port), *options)
-        self.http = httpx.Client(base_url=self.url, timeout=15.0)
+        self.http = httpx.Client(base_url=self.url, timeout=60.0)
 
     def wait(self, path: str, wanted: Callable[[httpx.Response], bool], missing: str, within_s: float = START_S) -> Any:
         """Ask again and again until an answer fits; returns it."""
