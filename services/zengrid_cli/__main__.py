@@ -30,6 +30,8 @@ COMMANDS = {
     "export": Command("zengrid_cli.export:export", "write a journal as CSV or Parquet", typer=True),
     "train": Command("zengrid_cli.train:main", "train agents in a simulated market"),
     "evaluate": Command("zengrid_cli.evaluate:main", "how good policies are, and how far from the best possible"),
+    "reproduce": Command("zengrid_cli.reproduce:main", "every figure and number of the paper, from nothing"),
+    "sweep": Command("zengrid_cli.sweep:main", "train over values and seeds, on all processors or a cluster"),
     "scenario": Command("zengrid_cli.scenario:app", "show, check and export scenarios", typer=True),
     "prosumer": Command("zengrid_agent", "one prosumer agent, also in a market that runs already"),
     "grid": Command("zengrid_agent", "the grid agent"),
