@@ -128,6 +128,7 @@ class Run:
         run = cls(folder, Plan.of(saved["plan"]), device)
         run.training.restore(saved["training"])
         run.seconds = saved["seconds"]
+        run._earned = [Earned(*day) for day in saved["earned"]]
         run.best = [None if changes is None else Changes(*changes) for changes in saved["best"]]
         return run
 
@@ -137,6 +138,7 @@ class Run:
         stop: Callable[[], bool] = lambda: False,
         every: int = 20,
         most_seconds: float | None = None,
+        judge_stop: bool = True,
     ) -> bool:
         """Train to the end, or until asked to stop; returns whether the end was reached.
 
@@ -150,6 +152,9 @@ class Run:
             Days between evaluations.
         most_seconds:
             Time to train in all, what was before a resumption included. [s]
+        judge_stop:
+            Whether to evaluate where it is stopped, too, so that there are policies to use. Without, the best policies
+            of a training that was stopped and resumed are those of one that was not.
         """
         training, day = self.training, self.training.step // self.plan.scenarios[0].slots_per_day
         ends = training.done
@@ -160,8 +165,10 @@ class Run:
             day += 1
             late = most_seconds is not None and self.seconds >= most_seconds
             ends = training.done or late or stop()
-            if day % every == 0 or ends:
+            due = day % every == 0 or training.done
+            if due or (ends and judge_stop):
                 report(self.evaluate())
+            if due or ends:
                 self.save()
         return training.done
 
@@ -210,6 +217,7 @@ class Run:
             "plan": self.plan.as_dict(),
             "training": self.training.state(),
             "seconds": self.seconds,
+            "earned": [tuple(day) for day in self._earned],
             "best": [None if changes is None else tuple(changes) for changes in self.best],
         }
         part = self.folder / f"{CHECKPOINT}.part"

@@ -99,7 +99,7 @@ def _train(
         report(run.training.progress)
         return stop()
 
-    if not run.go(lambda _: None, ask, every):
+    if not run.go(lambda _: None, ask, every, judge_stop=False):
         return None
     judges: dict[int, Evaluator] = {}
     markets = []
