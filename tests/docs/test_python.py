@@ -6,7 +6,7 @@ import pytest
 
 from support.pages import ROOT, blocks
 
-PAGES = ["docs/journal.md", "docs/model.md", "docs/policies.md"]
+PAGES = ["docs/journal.md", "docs/model.md", "docs/policies.md", "docs/sweep.md"]
 """Those of pages with commands run between these, in ``test_commands.py``."""
 
 
