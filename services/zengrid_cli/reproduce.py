@@ -129,7 +129,7 @@ def show(results: dict[str, Any]) -> None:
         table.add_row(
             f"{entry['figure']} {entry['agent']}", f"{entry['paper_percent']:+.0f} %", f"{change['median']:+.1f} %",
             f"{change['min']:+.1f} … {change['max']:+.1f} %", f"{entry['reached_by']} of {seeds}",
-            f"{entry['leader_percent']:+.1f} %", "" if gap is None else f"{gap['median']:.1f} %",
+            f"{entry['leader_percent']:+.1f} %", "" if gap is None or gap["median"] is None else f"{gap['median']:.1f} %",
         )  # fmt: skip
     flat = results["flat_from_kwh"]
     table.caption = (

@@ -74,10 +74,10 @@ class Report(HTMLParser):
             self._value = None
 
 
-def three(values: dict[str, float]) -> list[float]:
+def three(values: dict[str, float | None]) -> list[float]:
     """What the report shows of a spread."""
-    same = values["min"] == values["max"]
-    return [values["median"]] if same else [values["median"], values["min"], values["max"]]
+    names = ["median"] if values["min"] == values["max"] else ["median", "min", "max"]
+    return [value for value in map(values.get, names) if value is not None]
 
 
 def shown(entry: dict[str, Any]) -> list[float]:

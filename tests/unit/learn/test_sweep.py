@@ -49,6 +49,7 @@ def finish(it: Sweep, stop_after: int | None = None) -> int:
     return len(jobs)
 
 
+@pytest.mark.slow
 def test_a_sweep_that_was_stopped_goes_on_exactly_and_trains_nothing_twice(tmp_path: Path) -> None:
     straight = sweep(tmp_path / "a", (0, 1))
     assert finish(straight) == 1  # four markets of one shape
@@ -70,6 +71,7 @@ def test_a_sweep_that_was_stopped_goes_on_exactly_and_trains_nothing_twice(tmp_p
     pd.testing.assert_frame_equal(old, straight.table())
 
 
+@pytest.mark.slow
 def test_the_table_has_one_row_for_each_cell_seed_agent_and_figure(tmp_path: Path) -> None:
     axes: dict[str, list[Any]] = {"soc_reset": ["daily", "never"], "grid_hidden": [(8,), (8, 8)]}
     it = sweep(tmp_path, (0,), axes)
@@ -82,8 +84,7 @@ def test_the_table_has_one_row_for_each_cell_seed_agent_and_figure(tmp_path: Pat
     change = 100.0 * (bills["agents"] - bills["conventional"]) / bills["conventional"].abs()
     assert np.allclose(bills["change_percent"], change)
     paths = save(table, tmp_path / "table")
-    for read, path in zip((pd.read_csv, pd.read_parquet), paths, strict=True):
-        again = read(path)
+    for again in (pd.read_csv(paths[0]), pd.read_parquet(paths[1])):
         assert list(again.columns) == list(table.columns)
         assert np.allclose(again["agents"], table["agents"])
     draw(table, list(axes), tmp_path / "figure")

@@ -104,7 +104,7 @@ def all_reached(table: pd.DataFrame, homes: Sequence[str]) -> int:
     return int(good.sum())
 
 
-def short_of_leader(table: pd.DataFrame) -> dict[str, float]:
+def short_of_leader(table: pd.DataFrame) -> dict[str, float | None]:
     """How far the grid's profit falls short of the leader reference; negative: beyond it. [%]"""
     rows = table[(table["agent"] == "grid") & (table["figure"] == "profit")]
     return spread(100.0 * (rows["leader"] - rows["agents"]) / rows["leader"].abs())
@@ -160,7 +160,8 @@ def policies(study: Study) -> list[dict[str, Any]]:
     ]
 
 
-def spread(values: ArrayLike) -> dict[str, float]:
-    """Median, smallest and largest."""
+def spread(values: ArrayLike) -> dict[str, float | None]:
+    """Median, smallest and largest; None for what has no bound (a gap in per cent of a saving that is none)."""
     array = np.asarray(values, dtype=np.float64)
-    return {"median": float(np.median(array)), "min": float(array.min()), "max": float(array.max())}
+    found = {"median": np.median(array), "min": array.min(), "max": array.max()}
+    return {name: float(value) if np.isfinite(value) else None for name, value in found.items()}

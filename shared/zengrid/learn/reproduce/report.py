@@ -57,12 +57,14 @@ def page(folder: Path, results: dict[str, Any]) -> str:
     return shell.replace("BODY", "\n".join(parts))
 
 
-def _number(value: float, decimals: int, unit: str = "", sign: str = "") -> str:
-    """A number that people and programs can read."""
+def _number(value: float | None, decimals: int, unit: str = "", sign: str = "") -> str:
+    """A number that people and programs can read; a dash where there is none."""
+    if value is None:
+        return "–"
     return f'<data value="{value!r}">{value:{sign}.{decimals}f}{unit}</data>'
 
 
-def _spread(values: dict[str, float], decimals: int, unit: str = "", sign: str = "") -> str:
+def _spread(values: dict[str, float | None], decimals: int, unit: str = "", sign: str = "") -> str:
     if values["min"] == values["max"]:
         return _number(values["median"], decimals, unit, sign)
     ends = f"{_number(values['min'], decimals, '', sign)} … {_number(values['max'], decimals, '', sign)}"
