@@ -125,11 +125,11 @@ def show(results: dict[str, Any]) -> None:
     for heading in ("", "the paper", "ours", "spread", "reached by", "leader", "gap"):
         table.add_column(heading, justify="left" if not heading else "right", no_wrap=True)
     for entry in results["figures"]:
-        change, gap = entry["change_percent"], entry.get("gap_percent")
+        change, gap = entry["change_percent"], entry.get("gap_percent", {"median": None})["median"]
         table.add_row(
             f"{entry['figure']} {entry['agent']}", f"{entry['paper_percent']:+.0f} %", f"{change['median']:+.1f} %",
             f"{change['min']:+.1f} … {change['max']:+.1f} %", f"{entry['reached_by']} of {seeds}",
-            f"{entry['leader_percent']:+.1f} %", "" if gap is None or gap["median"] is None else f"{gap['median']:.1f} %",
+            f"{entry['leader_percent']:+.1f} %", "" if gap is None else f"{gap:.1f} %",
         )  # fmt: skip
     flat = results["flat_from_kwh"]
     table.caption = (

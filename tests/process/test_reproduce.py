@@ -68,6 +68,10 @@ class Report(HTMLParser):
         if address:
             self.outside.append(address)
 
+    def handle_endtag(self, tag: str) -> None:
+        if tag == "tr":
+            self._row = []
+
     def handle_data(self, data: str) -> None:
         if self._value is not None:
             self._row.append((self._value, data))
