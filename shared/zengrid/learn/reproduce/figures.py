@@ -41,7 +41,7 @@ def waveforms(day: Day, homes: tuple[str, ...], conventional_buy_price: float, s
         panel.set_ylim(bottom=0.0)
         _hours(panel)
     letter(places, ("PV and loads of the prosumers", "load of the consumer", "prices"))
-    legend(figure, places)
+    legend(figure, places, columns=6)
     save(figure, pd.DataFrame(columns), stem)
 
 
@@ -59,6 +59,7 @@ def day(day: Day, homes: tuple[str, ...], conventional_buy_price: float, stem: P
     agents = f"agents, seed {day.seed}"
     price.stairs(prices[day.place], day.hours, baseline=None, color=AGENTS, linewidth=1.9, label=agents)
     price.set_ylabel("$/kWh")
+    price.set_ylim(bottom=0.045)
     columns |= {f"buy_price_{name}": np.append(values, np.nan) for name, values in _three(prices, day.place).items()}
     for number, (home, place) in enumerate(zip(homes, places[1:], strict=True)):
         soc = 100.0 * day.soc[..., number]
