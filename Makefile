@@ -15,7 +15,7 @@ ARGS ?=
 PYTEST_ARGS ?=
 BENCH ?= $(wildcard benchmarks/*.py)
 
-.PHONY: help up test lint format docs bench clean
+.PHONY: help up test lint format docs bench policies clean
 
 help:  ## list the targets
 	@sed -nE 's/^([a-z]+):[^#]*## (.*)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 16
@@ -41,6 +41,9 @@ docs: .venv/.dev  ## build the documentation into site/
 
 bench: .venv/.dev  ## run all benchmarks, or one: BENCH=benchmarks/lockstep.py ARGS="..."
 	@set -e; for script in $(BENCH); do echo "== $$script"; $(BIN)/python $$script $(ARGS); done
+
+policies: .venv/.dev  ## train the policies that come with zengrid anew, and evaluate them
+	$(BIN)/python -m zengrid_cli.policies $(ARGS)
 
 clean:  ## remove the environment and everything that was built
 	rm -rf .venv build dist site .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis

@@ -37,7 +37,7 @@ def run(seed: int, minutes: float, explore: int, folder: Path) -> dict[str, Any]
     try:
         market.wait(60.0 * minutes)
     except subprocess.TimeoutExpired:
-        market.send_signal(signal.SIGINT)
+        market.send_signal(signal.SIGTERM)
     market.communicate(timeout=120.0)
     return {"seed": seed, **read(folder / "journal.db")}
 
@@ -119,7 +119,7 @@ def main() -> None:
     it.add_argument("--seeds", type=int, default=2)
     it.add_argument("--first-seed", type=int, default=0)
     it.add_argument("--minutes", type=float, default=30.0)
-    it.add_argument("--explore", type=int, default=48_000, metavar="SLOTS")
+    it.add_argument("--explore", type=int, default=12_000, metavar="SLOTS")
     it.add_argument("--json", type=Path, default=Path("live_learning.json"))
     it.add_argument("--svg", type=Path)
     options = it.parse_args()

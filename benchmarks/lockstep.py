@@ -57,6 +57,8 @@ def zengrid(homes: int, seconds: float) -> Row:
         folder, endpoint = Path(name), free_endpoint()
         scenario = scenario_file(homes, folder)
         command = [str(Path(sys.executable).with_name("zengrid")), "up", scenario, "--no-http", "--quiet"]
+        # What decides is not measured here: rules, as the peers have.
+        command += ["--policy", "conventional", "--grid-policy", "fixed"]
         command += ["--listen", endpoint, "--journal", str(folder / "journal.db"), "--logs", str(folder / "logs")]
         began = time.time()
         market = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)

@@ -13,6 +13,10 @@ from zengrid.bus.options import add_bus_options
 from zengrid.errors import ZengridError
 from zengrid_agent.learning import add_learning_options
 
+TRAINED = "trained"
+RULES = {"prosumer": "conventional", "grid": "fixed"}
+"""What decides unless told otherwise: what comes trained with zengrid; for those who start from nothing, a rule."""
+
 
 def parser() -> argparse.ArgumentParser:
     """The command line of agents."""
@@ -38,9 +42,9 @@ def parser() -> argparse.ArgumentParser:
     for role in (prosumer, grid):
         role.add_argument(
             "--policy",
-            default="conventional" if role is prosumer else "fixed",
             metavar="POLICY",
-            help="rule or policy file that decides (default: %(default)s)",
+            help="rule, policy that comes with zengrid, or policy file that decides (default: trained; with --learn, "
+            f"{RULES['prosumer' if role is prosumer else 'grid']})",
         )
         role.add_argument(
             "--observation",
@@ -69,6 +73,8 @@ def parser() -> argparse.ArgumentParser:
 def main(arguments: list[str] | None = None) -> int:
     """Play an agent until its market is over."""
     options = parser().parse_args(arguments)
+    if options.policy is None:
+        options.policy = RULES[options.role] if options.learn else TRAINED
     try:
         if options.role == "grid":
             from zengrid_agent.grid import play

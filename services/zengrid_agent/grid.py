@@ -8,6 +8,7 @@ import numpy as np
 
 from zengrid.bus.agent import AgentLink
 from zengrid.core.observe import grid_features
+from zengrid.policy import trained
 from zengrid.policy.facts import MarketFacts
 from zengrid.policy.network import GridNetwork
 from zengrid.policy.registry import make_grid_policy
@@ -38,6 +39,8 @@ class Grid(AgentSession[GridObservation]):
             self._policy = make_grid_policy(self.wish.policy, self._facts)
             if self._learning is not None:
                 say(self._learning.begin(self._facts, self.wish.policy))
+            elif self.wish.policy == "trained":
+                say(f"grid plays {trained.for_grid(self._facts).why}")
 
     def act(self, seen: GridObservation) -> GridAction:
         """Set the price."""

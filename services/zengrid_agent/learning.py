@@ -9,12 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from zengrid.errors import PolicyError
+from zengrid.policy import trained
 from zengrid.policy.file import PolicyFile
 from zengrid.policy.registry import SUFFIX
 
 if TYPE_CHECKING:
     from zengrid.core.observe import ObservationKind
-    from zengrid.learn.live import GridLearner, Learner, Live, ProsumerLearner
+    from zengrid.learn.live import Learner
+    from zengrid.learn.live_agents import GridLearner, ProsumerLearner
+    from zengrid.learn.live_settings import Live
     from zengrid.policy.facts import MarketFacts
     from zengrid.policy.file import Role
 
@@ -37,7 +40,7 @@ def add_learning_options(role: argparse.ArgumentParser) -> None:
         help="where what was learned is kept; from there it goes on when started again (default: runs/RUN/learned)",
     )
     learning.add_argument(
-        "--explore", type=int, metavar="SLOTS", help="slots over which trying out new things fades (default: 48000)"
+        "--explore", type=int, metavar="SLOTS", help="slots over which trying out new things fades (default: 12000)"
     )
     learning.add_argument("--learn-seed", type=int, default=0, metavar="N", help="seed of what it tries (default: 0)")
 
@@ -50,7 +53,7 @@ def load_torch() -> None:
         raise PolicyError("torch is not installed; needed by --learn: pip install 'zengrid[learn]'") from None
     torch.set_num_threads(1)  # these networks are too small to be shared out among threads
     import_module("torch._dynamo")  # optimisers load it at their first step
-    import_module("zengrid.learn.live")
+    import_module("zengrid.learn.live_agents")
 
 
 class Learning:
@@ -80,7 +83,7 @@ class Learning:
         self._learner: Learner | None = None
         load_torch()
         # Only in the process that learns: what gradients are computed with does not survive a fork.
-        import_module("zengrid.learn.live").warm_up()
+        import_module("zengrid.learn.live_agents").warm_up()
 
     def begin(self, facts: MarketFacts, policy: str) -> str:
         """Make the learner for a market; returns what to tell about where it starts from.
@@ -90,11 +93,12 @@ class Learning:
         PolicyError
             Where what was learned before, or the policy to start from, does not fit the market.
         """
-        from zengrid.learn.live import GridLearner, Live, ProsumerLearner
+        from zengrid.learn.live_agents import GridLearner, ProsumerLearner
+        from zengrid.learn.live_settings import Live
 
         live: Live = Live.of(self._role, **self._changes)
         goes_on = self.path.exists()
-        start = PolicyFile.load(policy) if policy.endswith(SUFFIX) and not goes_on else None
+        start = None if goes_on else self._start(facts, policy)
         learner: Learner
         if self._role == "grid":
             learner = GridLearner(facts, live, self._kind, start)
@@ -106,6 +110,16 @@ class Learning:
         if goes_on:
             return f"{self._agent} goes on learning after {learner.slots} slots, from {self.path}"
         return f"{self._agent} learns, starting from {policy if start else 'nothing'}; it is kept in {self.path}"
+
+    def _start(self, facts: MarketFacts, policy: str) -> PolicyFile | None:
+        """The network to start from, where the policy is one."""
+        if policy.endswith(SUFFIX):
+            return PolicyFile.load(policy)
+        if policy == "generic":
+            return trained.load(trained.GENERIC)
+        if policy == "trained":
+            return (trained.for_grid(facts) if self._role == "grid" else trained.for_prosumer(facts)).file
+        return None
 
     @property
     def grid(self) -> GridLearner:

@@ -12,6 +12,7 @@ from pydantic import ValidationError
 from zengrid.bus.agent import AgentLink
 from zengrid.core.observe import prosumer_features
 from zengrid.errors import PolicyError, ScenarioError
+from zengrid.policy import trained
 from zengrid.policy.facts import Foresight
 from zengrid.policy.network import ProsumerNetwork
 from zengrid.policy.registry import make_prosumer_policy
@@ -47,6 +48,8 @@ class Prosumer(AgentSession[FleetObservation]):
         self._policy = make_prosumer_policy(self.wish.policy, facts)
         if self._learning is not None:
             say(self._learning.begin(facts, self.wish.policy))
+        elif self.wish.policy == "trained":
+            say(f"{self.wish.agent} plays {trained.for_prosumer(facts).why}")
         self._market = market
 
     def _foresight(self, market: JoinReply) -> Foresight:

@@ -78,8 +78,16 @@ def up_parser() -> argparse.ArgumentParser:
         help="daily: batteries start each day as the first, as in the paper's episodes (default: %(default)s)",
     )
     market.add_argument("--paused", action="store_true", help="stand still before the first slot")
-    market.add_argument("--policy", metavar="SPEC", help="what decides for all prosumers (default: conventional)")
-    market.add_argument("--grid-policy", metavar="SPEC", help="what decides for the grid agent")
+    market.add_argument(
+        "--policy",
+        metavar="SPEC",
+        help="what decides for all prosumers (default: trained, what comes with zengrid; with --learn conventional)",
+    )
+    market.add_argument(
+        "--grid-policy",
+        metavar="SPEC",
+        help="what decides for the grid agent (default: trained; with --learn fixed)",
+    )
     learning = it.add_argument_group("learning (needs the extra learn)")
     learning.add_argument(
         "--learn", action="store_true", help="all agents learn from what comes of their actions, and go on for ever"

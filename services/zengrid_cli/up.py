@@ -19,7 +19,7 @@ from zengrid_cli.plan import CLOCK, GATEWAY, SPAWNER, TABLE, Plan
 if TYPE_CHECKING:
     from zengrid.scenario import Scenario
 
-SHARED = ("zengrid.bus.agent", "zengrid.policy.registry")
+SHARED = ("zengrid.bus.agent", "zengrid.policy.registry", "zengrid.policy.trained", "safetensors")
 """Loaded before anything is forked."""
 OF_AGENTS = ("zengrid_agent.grid", "zengrid_agent.prosumer")
 """Loaded while the clock gets ready; by name, since services do not know each other."""
@@ -80,6 +80,29 @@ class Local:
         gc.freeze()
         for spec in self.plan.agents(scenario):
             self.supervisor.start(spec)
+        self._tell_misfits(scenario)
+
+    def _tell_misfits(self, scenario: Scenario) -> None:
+        """Say which of the policies that come with zengrid do not fit this market, and what is played instead."""
+        from zengrid.env.facts import market_facts
+        from zengrid.policy import trained
+
+        it = self.options
+        if not it.learn and it.grid_policy in (None, "trained"):
+            grid = trained.for_grid(market_facts(scenario))
+            if grid.file is None:
+                self._write(f"grid plays {grid.why}")
+        if not it.learn and it.policy in (None, "trained"):
+            homes = trained.for_prosumer(market_facts(scenario, scenario.home_ids))
+            if homes.file is None:
+                self._write(f"prosumers play {homes.why}")
+
+    def _write(self, text: str) -> None:
+        """A line among the events, and where no table shows these, on the terminal."""
+        with self.plan.events.open("a", encoding="utf-8") as log:
+            log.write(f"{time.strftime('%H:%M:%S')} {text}\n")
+        if not self.live:
+            say(text)
 
     def _show(self) -> None:
         """Start what only watches."""

@@ -34,7 +34,7 @@ class NewProsumer(HomeSpec):
 
     model_config = ConfigDict(strict=True, json_schema_extra={"examples": EXAMPLES}, defer_build=False)
 
-    policy: str = Field(default="conventional", max_length=200, description="A policy that the spawner knows.")
+    policy: str = Field(default="trained", max_length=200, description="A policy that the spawner knows.")
 
 
 class StartedProsumer(BaseModel):

@@ -53,7 +53,7 @@ def test_the_same_key_starts_nothing_twice(gateway: Gateway) -> None:
         (HOME | {"pv_kw": -1}, 422, "body.pv_kw"),
         (HOME | {"id": "No Name"}, 422, "body.id"),
         (HOME | {"load": {"profile": "nobody"}}, 422, "prosumer1, prosumer2, prosumer3"),
-        (HOME | {"policy": "/etc/passwd"}, 422, "this spawner knows conventional"),
+        (HOME | {"policy": "/etc/passwd"}, 422, "this spawner knows trained"),
         (HOME | {"policy": "random:x"}, 422, "policy"),
         (HOME | {"colour": "red"}, 422, "body.colour"),
     ],

@@ -116,7 +116,7 @@ export function startAdding() {
     dialog.showModal();
     await refreshSpawners();
     const policies = [...new Set(view.spawners.flatMap((spawner) => spawner.policies))];
-    field.policy.replaceChildren(...(policies.length ? policies : ["conventional"]).map((name) => new Option(name)));
+    field.policy.replaceChildren(...(policies.length ? policies : ["trained"]).map((name) => new Option(name)));
     if (!view.spawners.length) complain(new Error("No spawner is running: start one with “zengrid spawner”, or add the home with “zengrid prosumer”."));
   };
   $("add-cancel").onclick = () => dialog.close();

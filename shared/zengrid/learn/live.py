@@ -2,61 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
 from zengrid import __version__
-from zengrid.core.levels import level_fractions, to_commands
+from zengrid.core.levels import level_fractions
 from zengrid.core.observe import ObservationKind, grid_features, prosumer_features
 from zengrid.errors import PolicyError
 from zengrid.learn.dqn import DQN
+from zengrid.learn.live_scales import first_day_scaling, power_kw, reward_scale
+from zengrid.learn.live_settings import Live
 from zengrid.learn.memory import Memory
 from zengrid.learn.own_model import OwnModel
 from zengrid.learn.scaling import Scaling
-from zengrid.learn.settings import Learning, Settings
+from zengrid.learn.settings import Learning
 from zengrid.policy.facts import MarketFacts
 from zengrid.policy.file import Layer, PolicyFile, Role
-from zengrid.policy.network import Network, greedy, grid_observation, prosumer_observation
-from zengrid.policy.views import GridView, ProsumerView
+from zengrid.policy.network import Network, greedy
 
 Floats = NDArray[np.float64]
 
 FORMAT = "zengrid.learner/1"
-MARGIN = 1.25
-"""How far beyond what the first day brought quantities are expected to go. [-]"""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Live:
-    """How an agent learns in a running market.
-
-    Each slot brings one experience and one update of the network, after the action has left.
-    """
-
-    learning: Learning
-    slots: int = 48_000
-    """Slots over which exploration and step size fall to their ends; learning never ends."""
-    memory: int = 24_000
-    """Slots it remembers: what others did long ago they no longer do."""
-    average: float = 0.998
-    """What the running average of the weights, by which it acts, keeps in each update. [-]"""
-    seed: int = 0
-
-    @classmethod
-    def of(cls, role: Role, **changes: Any) -> Self:
-        """The defaults of a role; ``changes`` are fields of this class."""
-        preset = Settings.preset("fast")
-        learning = preset.grid if role == "grid" else preset.prosumer
-        return cls(learning=replace(learning, **_LIVE[role]), **changes)
-
-
-_LIVE: dict[Role, dict[str, Any]] = {"grid": {"every": 4}, "prosumer": {"every": 4}}
+"""Kind and version of what a learner goes on from."""
+STARTED_UPDATES = 10_000
+"""After so many updates a policy counts as made that is gone on from; the running average forgets it as slowly."""
 
 
 class Moment(NamedTuple):
@@ -216,7 +190,7 @@ class Learner:
     def learn(self) -> bool:
         """One update, where enough is remembered; call it once the action has left."""
         if self.dqn is None and len(self._watched) > self.facts.slots_per_day:
-            self._begin(*self._scales())
+            self._begin(*self._first_day())
         if self.dqn is None or self.slots % self.live.learning.every or not self._memory.drawable():
             return False
         for _ in range(self.live.learning.updates):
@@ -226,46 +200,25 @@ class Learner:
 
     # ---------------------------------------------------------------- beginnings
 
-    def _scales(self) -> tuple[Scaling, float]:
+    def _first_day(self) -> tuple[Scaling, float]:
         """Scales of observations and rewards, from what the first day brought."""
-        facts, rows = self.facts, np.concatenate([row.observation for row in self._watched])
+        rows = np.concatenate([row.observation for row in self._watched])
         if self.role == "grid":
-            homes = rows.shape[-1] - facts.facilities - 1
-            self.features = grid_features(self.kind, facts.facilities, homes)
-        low, high = rows.min(axis=0), rows.max(axis=0)
-        most = {name: MARGIN * float(high[i]) for i, name in enumerate(self.features)}
-        cheapest, dearest = min(facts.buy_prices), max(facts.buy_prices)
-        tariff = min(facts.sell_prices), max(facts.sell_prices)
-        ranges = {name: (0.0, value) for name, value in most.items()}
-        for i, name in enumerate(self.features):
-            if name.startswith("facility_cost"):
-                ranges[name] = (float(low[i]), float(high[i]) * MARGIN)
-            elif name.startswith("payment"):
-                ranges[name] = (0.0, most[name] * dearest / max(cheapest, 1e-3 * dearest))
-        known = {
-            "soc": (0.0, 1.0), "time_sin": (-1.0, 1.0), "time_cos": (-1.0, 1.0), "buy_price": (cheapest, dearest),
-            "sell_price": tariff, "homes": (0.0, 2.0 * float(most.get("homes", 0.0)) / MARGIN),
-        }  # fmt: skip
-        scaling = Scaling.between(self.features, {**ranges, **known})
-        dearest = max(dearest, *tariff)
-        kw = self._power_kw if self.role == "prosumer" else float(rows[:, self.features.index("demand_kw")].mean())
-        return scaling, 1.0 / max(dearest * kw * facts.dt_h, 1e-6)
+            homes = rows.shape[-1] - self.facts.facilities - 1
+            self.features = grid_features(self.kind, self.facts.facilities, homes)
+            usual_kw = float(rows[:, self.features.index("demand_kw")].mean())
+        else:
+            usual_kw = power_kw(self.facts)
+        return first_day_scaling(self.features, rows, self.facts), reward_scale(self.facts, usual_kw)
 
-    @property
-    def _power_kw(self) -> float:
-        homes = self.facts.homes
-        return float(np.median(np.maximum(homes.charge_max_kw, homes.discharge_max_kw)))
-
-    def _begin(self, scaling: Scaling, reward_scale: float, learning: Learning | None = None) -> None:
+    def _begin(self, scaling: Scaling, scale: float, learning: Learning | None = None) -> None:
         """Get ready to learn, from nothing."""
         facts, live = self.facts, self.live
         learning = learning or live.learning
-        self._scaling, self._reward_scale = scaling, reward_scale
+        self._scaling, self._reward_scale = scaling, scale
         model = None
         if self.role == "prosumer":
-            model = OwnModel(
-                facts.homes, facts.battery_levels, facts.dt_h, scaling, reward_scale, self._generator.device
-            )
+            model = OwnModel(facts.homes, facts.battery_levels, facts.dt_h, scaling, scale, self._generator.device)
         clock = self.features.index("time_sin") if "time_sin" in self.features else None
         self.dqn = DQN(
             self.networks, 1, len(self.features), self.levels.size, learning, live.memory, live.average,
@@ -282,23 +235,22 @@ class Learner:
 
     def _start_from(self, file: PolicyFile) -> None:
         """Get ready to learn, from a policy."""
-        file = (
-            file.for_homes(self.facts.home_ids, self.facts.homes, np.array(self.facts.pv_kw))
-            if self.role == "prosumer"
-            else file
-        )
+        if self.role == "prosumer":
+            file = file.for_homes(self.facts.home_ids, self.facts.homes, np.array(self.facts.pv_kw))
         if file.observation != self.kind:
             raise PolicyError(f"observation = {self.kind}: the policy to go on from sees {file.observation}")
         if file.levels.shape != self.levels.shape or np.abs(file.levels - self.levels).max() > 1e-9:
             raise PolicyError(f"levels = {file.levels.tolist()}: the market's are {self.levels.tolist()}")
         self.features = file.features
-        dearest = max(*self.facts.buy_prices, *self.facts.sell_prices)
-        told = file.training.get("reward_scale")
-        reward_scale = float(told) if told else 1.0 / max(dearest * self._usual_kw(file) * self.facts.dt_h, 1e-6)
+        if self.role == "prosumer":
+            usual_kw = power_kw(self.facts)
+        else:
+            usual_kw = float(file.offset[file.features.index("demand_kw")])
+        scale = float(file.training.get("reward_scale") or reward_scale(self.facts, usual_kw))
         learning = replace(self.live.learning, hidden=file.hidden, activation=file.activation)
         # It need not find out from nothing what it knows already.
         learning = replace(learning, epsilon_start=learning.epsilon_end, lr=learning.lr_end)
-        self._begin(Scaling(file.offset, file.scale), reward_scale, learning)
+        self._begin(Scaling(file.offset, file.scale), scale, learning)
         assert self.dqn is not None
         with torch.no_grad():
             for place, layer in enumerate(file.layers):
@@ -306,13 +258,8 @@ class Learner:
                     given = torch.from_numpy(np.ascontiguousarray(values))
                     for weights in (self.dqn.online, self.dqn.target, self.dqn.averaged):
                         weights[2 * place + part].copy_(given)
-        self.dqn.updates = SETTLED_UPDATES
+        self.dqn.updates = STARTED_UPDATES
         self._network.renew(self._layers())
-
-    def _usual_kw(self, file: PolicyFile) -> float:
-        if self.role == "prosumer":
-            return self._power_kw
-        return float(file.offset[file.features.index("demand_kw")])
 
     # ---------------------------------------------------------------- what it has learned
 
@@ -408,61 +355,3 @@ class Learner:
         self._last = None if state["last"] is None else Moment(*state["last"])
         self._rng.bit_generator.state = state["rng"]
         self._generator.set_state(state["generator"])
-
-
-def warm_up() -> None:
-    """Let torch load what it loads at its first update, before a market waits."""
-    learning = Learning(hidden=(8,), batch=4, huber=True)
-    learners = DQN(1, 1, 2, 2, learning, 8, 0.9, torch.Generator().manual_seed(0))
-    for _ in range(6):
-        learners.replay.add(
-            torch.zeros((1, 1, 2)), torch.zeros((1, 1), dtype=torch.int64), torch.zeros((1, 1)), 0.0, True
-        )
-    learners.learn(0.0)
-
-
-SETTLED_UPDATES = 10_000
-"""As which a policy to go on from counts, for the running average."""
-
-
-class ProsumerLearner(Learner):
-    """Commands the batteries of an agent's homes, and learns from what comes of it."""
-
-    def __init__(
-        self, agent: str, facts: MarketFacts, live: Live, kind: ObservationKind = "public",
-        start: PolicyFile | None = None,
-    ) -> None:  # fmt: skip
-        super().__init__("prosumer", agent, facts, live, kind, start)
-
-    def act(self, view: ProsumerView) -> Floats | None:
-        """Commands ``(home,)`` [kW]; None where it still watches."""
-        assert isinstance(view.day, int)
-        observation = prosumer_observation(self.kind, view)
-        level = self.choose(Moment(view.day, view.slot), observation, float(view.sell_price))
-        return None if level is None else to_commands(self.levels[level], view.homes)
-
-    def hear(self, day: int, slot: int, reward: Sequence[float] | Floats, fallback: bool) -> None:
-        """What came of a slot: rewards ``(home,)`` [$], and whether another has decided."""
-        level = None if fallback or self._seen is None else self._seen.level
-        self._settled(Moment(day, slot), level, np.asarray(reward, dtype=np.float64))
-
-
-class GridLearner(Learner):
-    """Sets the buy price, and learns from what comes of it."""
-
-    def __init__(
-        self, facts: MarketFacts, live: Live, kind: ObservationKind = "public", start: PolicyFile | None = None
-    ) -> None:
-        super().__init__("grid", "grid", facts, live, kind, start)
-
-    def act(self, view: GridView) -> float | None:
-        """The price [$/kWh]; None where it still watches."""
-        assert isinstance(view.day, int)
-        observation = grid_observation(self.kind, view)[None]
-        level = self.choose(Moment(view.day, view.slot), observation, float(view.sell_price))
-        return None if level is None else float(self.levels[level[0]])
-
-    def hear(self, day: int, slot: int, reward: float, buy_price: float) -> None:
-        """What came of a slot: the profit [$], and the price that really held [$/kWh]."""
-        level = np.array([np.abs(self.levels - buy_price).argmin()])
-        self._settled(Moment(day, slot), level, np.array([reward]))

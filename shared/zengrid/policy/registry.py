@@ -23,18 +23,44 @@ def _optimum(facts: MarketFacts, text: str) -> ProsumerPolicy:
     return make_optimum(facts, text)
 
 
+def _trained_prosumer(facts: MarketFacts, text: str) -> ProsumerPolicy:
+    from zengrid.policy import trained  # an agent that follows a rule reads no files
+    from zengrid.policy.network import ProsumerNetwork
+
+    file = trained.for_prosumer(facts).file
+    return Conventional() if file is None else ProsumerNetwork(file, facts)
+
+
+def _generic(facts: MarketFacts, text: str) -> ProsumerPolicy:
+    from zengrid.policy import trained
+    from zengrid.policy.network import ProsumerNetwork
+
+    return ProsumerNetwork(trained.load(trained.GENERIC), facts)
+
+
+def _trained_grid(facts: MarketFacts, text: str) -> GridPolicy:
+    from zengrid.policy import trained
+    from zengrid.policy.network import GridNetwork
+
+    file = trained.for_grid(facts).file
+    return FixedPrice(facts, _price("", facts)) if file is None else GridNetwork(file, facts)
+
+
 _PROSUMER: dict[str, Callable[[MarketFacts, str], ProsumerPolicy]] = {
+    "trained": _trained_prosumer,
+    "generic": _generic,
     "conventional": lambda facts, text: Conventional(),
     "idle": lambda facts, text: Idle(),
     "random": lambda facts, text: RandomCommands(facts, _seed(text)),
     "optimum": _optimum,
 }
 _GRID: dict[str, Callable[[MarketFacts, str], GridPolicy]] = {
+    "trained": _trained_grid,
     "fixed": lambda facts, text: FixedPrice(facts, _price(text, facts)),
     "tou": TimeOfUse,
     "random": lambda facts, text: RandomPrice(facts, _seed(text)),
 }
-_PLAIN = ("conventional", "idle")
+_PLAIN = ("trained", "generic", "conventional", "idle")
 PROSUMER_POLICIES = tuple(_PROSUMER)
 GRID_POLICIES = tuple(_GRID)
 

@@ -16,9 +16,7 @@ class SpawnRequest(Message):
     """Start a process that brings a home."""
 
     home: HomeSpec = Field(description="The home; its id is the agent's, too.")
-    policy: str = Field(
-        default="conventional", max_length=200, description="Rule, or policy file known to the spawner."
-    )
+    policy: str = Field(default="trained", max_length=200, description="Rule, or policy file known to the spawner.")
     key: str = Field(
         default="",
         max_length=200,

@@ -86,3 +86,12 @@ def test_wrong_options_are_refused(words: list[str], capsys: pytest.CaptureFixtu
     with pytest.raises(SystemExit):
         up_parser().parse_args(words)
     assert "error: argument" in capsys.readouterr().err
+
+
+def test_agents_are_told_how_to_learn() -> None:
+    words = ("--learn", "--explore", "500", "--learn-seed", "4", "--policy", "conventional")
+    agents = [understood(spec) for spec in plan("paper", "--run", "north", *words).agents(load("paper"))]
+    for it in agents:
+        assert (it.learn, it.explore, it.learn_seed, it.learned) == (True, 500, 4, Path("runs/north/learned"))
+    assert [it.policy for it in agents] == [None, *["conventional"] * 3]
+    assert not any(understood(spec).learn for spec in plan("paper").agents(load("paper")))

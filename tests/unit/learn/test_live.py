@@ -18,7 +18,8 @@ from zengrid.core.baselines import conventional
 from zengrid.env.facts import market_facts
 from zengrid.env.vector import VectorMarket
 from zengrid.errors import PolicyError
-from zengrid.learn.live import GridLearner, Live, ProsumerLearner
+from zengrid.learn.live_agents import GridLearner, ProsumerLearner
+from zengrid.learn.live_settings import Live
 from zengrid.learn.memory import Memory
 from zengrid.learn.replay import Replay
 from zengrid.policy.network import ProsumerNetwork
@@ -72,6 +73,8 @@ def learner(seed: int = 0, **learning: Any) -> ProsumerLearner:
     return ProsumerLearner("p2", market_facts(NEVER, ("p2",)), live)
 
 
+@pytest.mark.slow
+@pytest.mark.timeout(300)
 def test_a_home_learns_what_pays_and_acts_as_its_file_says() -> None:
     market = OneHome(learner())
     market.play(24 * 20)

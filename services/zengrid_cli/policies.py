@@ -1,0 +1,164 @@
+"""``make policies``: trains the policies that come with zengrid, and writes them where the package has them."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from zengrid import __version__
+from zengrid.env.facts import market_facts
+from zengrid.learn.evaluation import Evaluator, Trained
+from zengrid.learn.generic import Generic, GenericTraining, drawn_market
+from zengrid.learn.run import Plan, Run, use_threads
+from zengrid.learn.settings import Settings
+from zengrid.policy.file import PolicyFile
+from zengrid.policy.network import GridNetwork, ProsumerNetwork
+from zengrid.policy.trained import FOLDER, GENERIC, GRID, PROSUMERS, batteries
+from zengrid.scenario import Scenario, load
+
+SEEDS = (0, 1, 2)
+COMMAND = "make policies"
+HELD_OUT_SEED = 1_000_003
+"""Of the homes on which the policy for homes of any size is evaluated."""
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    it = argparse.ArgumentParser(prog="python -m zengrid_cli.policies", description=__doc__)
+    it.add_argument("--out", type=Path, default=FOLDER, metavar="DIR", help="where to write (default: the package)")
+    it.add_argument("--evaluate", action="store_true", help="train nothing, only evaluate what is there")
+    it.add_argument(
+        "--generic",
+        action="store_true",
+        help="train only the policy for homes of any size, under the grid that is there",
+    )
+    it.add_argument("--markets", type=int, default=24, metavar="N", help="markets of drawn homes to evaluate on")
+    return it
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Train, write, evaluate; returns the exit code."""
+    options = parser().parse_args(arguments)
+    use_threads(1)
+    # The live market goes on from day to day, so do the markets that its agents are trained in.
+    scenario = load("paper").with_(soc_reset="never")
+    options.out.mkdir(parents=True, exist_ok=True)
+    if not (options.evaluate or options.generic):
+        trained = case_study(scenario)
+        keep(options.out, GRID, trained.grid)
+        keep(options.out, PROSUMERS, trained.prosumers)
+    if not options.evaluate:
+        grid = PolicyFile.load(options.out / f"{GRID}.safetensors")
+        keep(options.out, GENERIC, for_any_home(scenario, grid))
+    grid, prosumers, generic = (
+        PolicyFile.load(options.out / f"{name}.safetensors") for name in (GRID, PROSUMERS, GENERIC)
+    )
+    show_case_study(Trained(grid, prosumers))
+    show_generic(scenario, grid, generic, options.markets)
+    return 0
+
+
+def case_study(scenario: Scenario) -> Trained:
+    """The agents of the paper's market: several seeds, of which the best on days set apart is taken."""
+    plan = Plan((scenario,) * len(SEEDS), SEEDS, Settings.preset("fast"), "public", COMMAND)
+    with tempfile.TemporaryDirectory() as name:
+        run = Run(Path(name), plan)
+        run.go(lambda report: say(f"case study: step {report.step} of {report.steps}"))
+        return best_of(run)
+
+
+def best_of(run: Run) -> Trained:
+    """The policies of the best seed, as the package has them."""
+    scenario = run.plan.scenarios[0]
+    gains = [-np.inf if best is None else best.joint_gain for best in run.best]
+    place = int(np.argmax(gains))
+    grid, prosumers = (
+        PolicyFile.load(run.folder / f"best-{run.names(place)}-{part}.safetensors") for part in Trained._fields
+    )
+    notes = {
+        "scenario": scenario.name, "soc_reset": scenario.soc_reset, "seeds": list(SEEDS), "seed": SEEDS[place],
+        "steps": run.training.step, "command": COMMAND, "version": __version__,
+    }  # fmt: skip
+    # In training the number of homes never changed: what untrained weights make of a newcomer is left out.
+    scale = np.where([name == "homes" for name in grid.features], 0.0, grid.scale)
+    scales = run.training.scales
+    return Trained(
+        replace(grid, name=GRID, scale=scale, training={**notes, "reward_scale": scales.grid_reward}),
+        replace(
+            prosumers, name=PROSUMERS,
+            training={
+                **notes, "reward_scale": scales.prosumer_reward, "batteries": batteries(scenario.market().homes),
+            },
+        ),
+    )  # fmt: skip
+
+
+def for_any_home(scenario: Scenario, grid: PolicyFile) -> PolicyFile:
+    """The policy for homes of any size, under that grid agent's prices and others."""
+    training = GenericTraining(scenario, grid, Generic.default(), seed=SEEDS[0])
+    told = 0
+
+    def report(progress: float) -> None:
+        nonlocal told
+        if progress >= told / 10:
+            say(f"homes of any size: {progress:.0%}")
+            told += 1
+
+    training.train(report)
+    return training.file({"grid": grid.version, "command": COMMAND, "version": __version__})
+
+
+def show_case_study(trained: Trained) -> None:
+    """What the case study's agents come to on held-out days."""
+    for soc_reset in ("never", "daily"):
+        found = Evaluator.held_out(load("paper").with_(soc_reset=soc_reset), 63).evaluate_trained(trained)
+        bills = " ".join(f"{bill:+.0f}" for bill in found.changes.bill)
+        gap = " ".join(f"{percent:.0f}" for percent in found.gap.percent) if found.gap else ""
+        print(
+            f"paper, soc_reset {soc_reset}: bills {bills} %, profit {found.changes.profit:+.0f} %, reserve "
+            f"{found.changes.reserve:+.0f} %; gap to best response {gap} % of the saving"
+        )
+
+
+def show_generic(scenario: Scenario, grid: PolicyFile, generic: PolicyFile, markets: int) -> None:
+    """What drawn homes save that training never saw, beside the conventional rule under the same prices."""
+    rng = np.random.default_rng(HELD_OUT_SEED)
+    evaluators = [Evaluator.held_out(drawn_market(scenario, rng), 14) for _ in range(markets)]
+    for prices in ("trained", "fixed"):
+        saved, gaps = [], []
+        for it in evaluators:
+            setter = GridNetwork(grid, market_facts(it.scenario)) if prices == "trained" else None
+            network = ProsumerNetwork(generic, market_facts(it.scenario, it.scenario.home_ids))
+            found, rule = it.evaluate(setter, network), it.evaluate(setter, None, gaps=False)
+            assert found.gap is not None
+            saved.append(rule.agents.bill - found.agents.bill)
+            gaps.append(found.gap.dollars)
+        saving, gap = np.concatenate(saved), np.concatenate(gaps)
+        ends = ", ".join(f"{value:+.3f}" for value in np.quantile(saving, [0.0, 0.1, 0.5, 0.9, 1.0]))
+        print(
+            f"{len(saving)} drawn homes, {prices} price: {np.mean(saving > 0.0):.0%} pay less than by the conventional "
+            f"rule, by {saving.mean():.3f} $/day in the mean (least, 10 %, median, 90 %, most: {ends}); "
+            f"{saving.sum() / (saving.sum() + gap.sum()):.0%} of what best responses save"
+        )
+
+
+def keep(folder: Path, name: str, file: PolicyFile) -> None:
+    """Write a policy."""
+    path = folder / f"{name}.safetensors"
+    file.save(path)
+    say(f"{path}: version {file.version}")
+
+
+def say(text: str) -> None:
+    """How it goes."""
+    print(text, file=sys.stderr, flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
