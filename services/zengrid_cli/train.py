@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 import shlex
 import signal
+import sys
 from collections.abc import Sequence
+from contextlib import ExitStack
 from importlib import import_module
 from pathlib import Path
 from types import FrameType, ModuleType
@@ -17,6 +19,7 @@ from zengrid_cli.options import parse_count
 if TYPE_CHECKING:
     from zengrid.learn.evaluation import Changes
     from zengrid.learn.run import Plan, Report, Run
+    from zengrid_cli.progress import Progress
 
 
 def parser() -> argparse.ArgumentParser:
@@ -31,7 +34,10 @@ def parser() -> argparse.ArgumentParser:
     it.add_argument("--data", type=Path, metavar="DIR", help="folder with the scenario's measured data")
     it.add_argument("--seeds", type=parse_count, default=1, metavar="N", help="so many seeds (default: %(default)s)")
     it.add_argument("--first-seed", type=int, default=0, metavar="N", help="the first of them (default: %(default)s)")
-    it.add_argument("--preset", default="fast", help="fast, or paper: as the authors print it (default: %(default)s)")
+    it.add_argument(
+        "--preset", default="fast",
+        help="fast; thorough: four times as long, near an equilibrium; paper: as the authors print it (default: fast)",
+    )  # fmt: skip
     it.add_argument(
         "--set", action="append", default=[], metavar="NAME=VALUE", dest="changes",
         help="one learning setting, such as steps=9000, lr=1e-3, grid_epsilon_end=0.05; may be given again",
@@ -45,7 +51,7 @@ def parser() -> argparse.ArgumentParser:
     it.add_argument("--resume", action="store_true", help="go on exactly where the training in that folder stopped")
     it.add_argument("--time-limit", type=parse_seconds, metavar="S", help="end after so many seconds of training")
     it.add_argument(
-        "--every", type=parse_count, default=20, metavar="DAYS", help="days between evaluations (default: 20)"
+        "--every", type=parse_count, default=10, metavar="DAYS", help="days between evaluations (default: 10)"
     )
     it.add_argument("--device", default="cpu", help="cpu, or cuda where there is one (default: %(default)s)")
     it.add_argument(
@@ -136,16 +142,21 @@ def follow(run: Run, options: argparse.Namespace) -> int:
     before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
     board = Board(run.folder / "tensorboard")
     last: Report | None = None
+    shown = ExitStack()
+    progress = live(run, shown) if sys.stdout.isatty() and not options.quiet else None
 
     def report(now: Report) -> None:
         nonlocal last
         last = now
         board.add(now)
-        if not options.quiet:
+        if progress is not None:
+            progress.add(now)
+        elif not options.quiet:
             print(line(now, run), flush=True)
 
     try:
-        done = run.go(report, lambda: stopping, options.every, options.time_limit)
+        with shown:
+            done = run.go(report, lambda: stopping, options.every, options.time_limit)
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
@@ -159,6 +170,17 @@ def follow(run: Run, options: argparse.Namespace) -> int:
     if not done:
         print(f"To go on: zengrid train --resume --out {shlex.quote(str(run.folder))}")
     return 130 if stopping else 0
+
+
+def live(run: Run, shown: ExitStack) -> Progress:
+    """Begin the live view of a terminal; it stays until the stack is closed, and what it showed last remains."""
+    from rich.live import Live
+
+    from zengrid_cli.progress import Progress
+
+    progress = Progress(run)
+    shown.enter_context(Live(get_renderable=progress.__rich__, refresh_per_second=2))
+    return progress
 
 
 def line(now: Report, run: Run) -> str:

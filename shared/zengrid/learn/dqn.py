@@ -69,7 +69,8 @@ class DQN:
     @torch.no_grad()
     def act(self, seen: Tensor, epsilon: float) -> Tensor:
         """The best action by the network's own estimate; with probability epsilon, any. ``(network, row)``."""
-        greedy = self.q(self.online, seen).argmax(-1)
+        weights = self.averaged if self.learning.act_averaged else self.online
+        greedy = self.q(weights, seen).argmax(-1)
         shape, generator, device = greedy.shape, self.generator, self.generator.device
         explores = torch.rand(shape, generator=generator, device=device) < epsilon
         anything = torch.randint(self.actions, shape, generator=generator, device=device)

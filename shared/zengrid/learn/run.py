@@ -80,13 +80,32 @@ class Report(NamedTuple):
     """of each market, as it is, on the days for the choice"""
     earned: list[Earned]
     """of each day of training since the last report"""
+    gap: list[float | None]
+    """largest gap of a prosumer of each market, as it is; None where it takes too long to compute [%]"""
+    best_gap: list[float | None]
+    """the same of the policies kept [%]"""
+
+
+class Kept(NamedTuple):
+    """What the policies kept of a market came to, on the days for the choice."""
+
+    changes: Changes
+    gap: float | None
+    """largest gap of a prosumer [%]"""
+    settled_gain: float
+    """by which they were chosen [%]"""
+
+    @property
+    def joint_gain(self) -> float:
+        """See ``Changes.joint_gain``. [%]"""
+        return self.changes.joint_gain
 
 
 class Run:
     """A training in a folder.
 
-    The policies kept as ``best-*`` are those with the largest joint gain (``Changes.joint_gain``) on days set apart for
-    this choice; ``last-*`` are the newest.
+    The policies kept as ``best-*`` are those with the largest settled gain (``Evaluation.settled_gain``) on days set
+    apart for this choice; ``last-*`` are the newest.
 
     Parameters
     ----------
@@ -105,7 +124,7 @@ class Run:
         self.choosers = [made[id(scenario)] for scenario in plan.scenarios]
         self.seconds = 0.0
         self._earned: list[Earned] = []
-        self.best: list[Changes | None] = [None] * len(plan.seeds)
+        self.best: list[Kept | None] = [None] * len(plan.seeds)
         folder.mkdir(parents=True, exist_ok=True)
         (folder / SCENARIO).write_text(plan.scenarios[0].dump(), encoding="utf-8")
 
@@ -129,14 +148,15 @@ class Run:
         run.training.restore(saved["training"])
         run.seconds = saved["seconds"]
         run._earned = [Earned(*day) for day in saved["earned"]]
-        run.best = [None if changes is None else Changes(*changes) for changes in saved["best"]]
+        run.forget_later()
+        run.best = [None if kept is None else Kept(Changes(*kept[0]), *kept[1:]) for kept in saved["best"]]
         return run
 
     def go(
         self,
         report: Callable[[Report], None],
         stop: Callable[[], bool] = lambda: False,
-        every: int = 20,
+        every: int = 10,
         most_seconds: float | None = None,
         judge_stop: bool = True,
     ) -> bool:
@@ -174,29 +194,39 @@ class Run:
 
     def evaluate(self) -> Report:
         """How all markets fare; keeps the best policies."""
-        now, agents = [], []
+        now, agents, gaps = [], [], []
         for place, trained in enumerate(self.training.trained(notes=self.notes())):
             evaluation = self.choosers[place].evaluate_trained(trained, gaps=False)
-            changes = evaluation.changes
+            this = Kept(evaluation.changes, evaluation.largest_gap, evaluation.settled_gain)
             known = self.best[place]
-            if known is None or changes.joint_gain > known.joint_gain:
-                self.best[place] = changes
+            if known is None or this.settled_gain > known.settled_gain:
+                self.best[place] = this
                 self._write("best", place, trained)
             self._write("last", place, trained)
-            now.append(changes)
+            now.append(this.changes)
+            gaps.append(this.gap)
             agents.append(evaluation.agents)
         training = self.training
         deciding = sum(1 + len(scenario.homes) for scenario in self.plan.scenarios)
-        best = [changes for changes in self.best if changes is not None]
+        best = [kept for kept in self.best if kept is not None]
         report = Report(
             training.step, training.settings.steps, self.seconds, training.step * training.settings.days * deciding,
-            now, best, agents, self._earned,
+            now, [kept.changes for kept in best], agents, self._earned, gaps, [kept.gap for kept in best],
         )  # fmt: skip
         self._earned = []
         lists = {name: [plain(one) for one in getattr(report, name)] for name in ("now", "best", "agents", "earned")}
         with (self.folder / PROGRESS).open("a", encoding="utf-8") as file:
             file.write(json.dumps({**report._asdict(), **lists}) + "\n")
         return report
+
+    def forget_later(self) -> None:
+        """Take out of the progress what came after the checkpoint: it comes again, and alike."""
+        path = self.folder / PROGRESS
+        if path.exists():
+            lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+            # A line without an end was being written when the machine stopped.
+            whole = (line for line in lines if line.endswith("\n"))
+            path.write_text("".join(line for line in whole if json.loads(line)["step"] <= self.training.step))
 
     def notes(self) -> dict[str, Any]:
         """What policy files tell about how they were made."""
@@ -218,7 +248,7 @@ class Run:
             "training": self.training.state(),
             "seconds": self.seconds,
             "earned": [tuple(day) for day in self._earned],
-            "best": [None if changes is None else tuple(changes) for changes in self.best],
+            "best": [None if kept is None else (tuple(kept.changes), *kept[1:]) for kept in self.best],
         }
         part = self.folder / f"{CHECKPOINT}.part"
         torch.save(saved, part)

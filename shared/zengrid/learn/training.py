@@ -107,7 +107,7 @@ class Training:
         settings = self.settings
         clock = features.index("time_sin") if "time_sin" in features and settings.clock else None
         return DQN(
-            networks, settings.days, len(features), actions, learning, settings.memory, settings.average,
+            networks, settings.days, len(features), actions, learning, learning.memory, learning.average,
             self._generator, clock, model,
         )  # fmt: skip
 
