@@ -36,6 +36,7 @@ PAGES = [
     "docs/security.md",
     "docs/several-machines.md",
 ]
+LEARNING = ["docs/learning.md", "docs/own-algorithm.md", "docs/own-data.md"]
 ELSEWHERE = {
     "make": "installs; `make up` is taken for the command that it ends with",
     "source": "the environment is active already",
@@ -52,6 +53,10 @@ NEEDS = {
     "market-1": "a run of the reader's",
 }
 ENDS_S = 30.0
+LEARNS_S = 600.0
+"""For what trains, or searches for a leader reference."""
+SLOTS = 1_000
+"""Of the example with Stable-Baselines3: enough to see it work."""
 
 
 def commands(block: Block) -> Iterator[tuple[str, str]]:
@@ -96,11 +101,13 @@ class Terminal:
         if background:
             self.start(command.partition("#")[0].rstrip(" &"), words)
             return
-        compare(shown, self.run("bash", "-c", command))
+        learns = words[1] in ("train", "evaluate") or "train_with_sb3" in command
+        command = re.sub(r"(train_with_sb3\.py)$", rf"\1 {SLOTS}", command)
+        compare(shown, self.run("bash", "-c", command, ends_s=LEARNS_S if learns else ENDS_S))
 
-    def run(self, *words: str) -> str:
+    def run(self, *words: str, ends_s: float = ENDS_S) -> str:
         """Run a program until it ends; what it printed."""
-        ended = subprocess.run(words, cwd=self.folder, env=self.env, capture_output=True, text=True, timeout=ENDS_S)
+        ended = subprocess.run(words, cwd=self.folder, env=self.env, capture_output=True, text=True, timeout=ends_s)
         assert ended.returncode == 0, f"$ {words[-1]}\n{ended.stdout}{ended.stderr}\n{self.logs()}"
         return ended.stdout
 
@@ -200,6 +207,15 @@ def compare(shown: str, printed: str) -> None:
 
 def without_numbers(line: str) -> str:
     return re.sub(r"[-+]?[\d.,:]+", "#", " ".join(line.split()))
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(2400)
+@pytest.mark.parametrize("page", LEARNING)
+def test_commands_that_learn_do_what_the_page_says(page: str, tmp_path: Path) -> None:
+    for module in ("torch", "stable_baselines3"):
+        pytest.importorskip(module, reason="needs extras learn and dev")
+    test_commands_do_what_the_page_says(page, tmp_path)
 
 
 @pytest.mark.parametrize("page", PAGES)

@@ -21,7 +21,7 @@ def test_python_examples_run_in_order(page: str, capsys: pytest.CaptureFixture[s
             assert printed == block.shown
 
 
-@pytest.mark.parametrize("page", ["docs/http.md", "docs/own-agent.md"])
+@pytest.mark.parametrize("page", ["docs/http.md", "docs/own-agent.md", "docs/own-algorithm.md"])
 def test_examples_with_a_name_are_the_files_of_that_name(page: str) -> None:
     named = {block.title: block.text for block in blocks(page, "python") if block.title}
     assert named == {name: (ROOT / "docs" / "examples" / name).read_text() for name in named}
