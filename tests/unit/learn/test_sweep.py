@@ -104,7 +104,7 @@ def test_the_table_has_one_row_for_each_cell_seed_agent_and_figure(tmp_path: Pat
         ({"gamma": [1.5]}, "setting grid_gamma = 1.5: permitted: 0 to 1"),
         ({"steps": [0]}, "setting steps = 0: permitted: 1 or more"),
         ({"observation": ["all"]}, "observation = all: permitted: paper, public|observation = all: permitted: public"),
-        ({"preset": ["slow"]}, "preset = slow: unknown; permitted: fast, paper"),
+        ({"preset": ["slow"]}, "preset = slow: unknown; permitted: fast, thorough, paper"),
         ({"steps": [24, 24]}, "a value stands there twice"),
         ({"steps": []}, "steps: no values"),
     ],
