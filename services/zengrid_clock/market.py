@@ -69,7 +69,6 @@ class LiveMarket:
             start += len(agent.homes)
         initial = self.market.homes.soc_initial
         self.soc, self.conventional_soc = initial.copy(), initial.copy()
-        self.bill_total, self.conventional_bill_total = np.zeros(len(self.homes)), np.zeros(len(self.homes))
         self.last: LastSlot | None = None
 
     @property
@@ -147,8 +146,6 @@ class LiveMarket:
         """Continue from a settled (and journalled) slot."""
         self.slot += 1
         self.soc, self.conventional_soc = settled.soc, twin.soc
-        self.bill_total += settled.bill
-        self.conventional_bill_total += twin.bill
         self.last = LastSlot(
             settled.payment, settled.bill, settled.battery_kw, settled.injection_kw, settled.facility_cost,
             float(settled.demand_kw), float(settled.profit),
@@ -158,7 +155,6 @@ class LiveMarket:
         """Go back to the state that a journal ends with."""
         self._set_homes(list(specs), agents)
         self.soc, self.conventional_soc = record.soc.copy(), record.conventional_soc.copy()
-        self.bill_total, self.conventional_bill_total = np.zeros(len(specs)), np.zeros(len(specs))
         # The same product as in ``settle``, so that what agents see does not depend on where the clock was restarted.
         payment = np.maximum(record.injection_kw, 0.0) * (record.buy_price * self.scenario.dt_h)
         self.last = LastSlot(
@@ -175,8 +171,6 @@ class LiveMarket:
         self.soc = np.concatenate([self.soc, initial])
         self.conventional_soc = np.concatenate([self.conventional_soc, initial])
         zeros = np.zeros(len(specs))
-        self.bill_total = np.concatenate([self.bill_total, zeros])
-        self.conventional_bill_total = np.concatenate([self.conventional_bill_total, zeros])
         if last is not None:
             self.last = last.with_homes(lambda old: np.concatenate([old, zeros]))
         if self.day >= 0:
@@ -194,8 +188,6 @@ class LiveMarket:
         }
         self._set_homes([self.specs[i] for i in keep], agents)
         self.soc, self.conventional_soc = self.soc[keep], self.conventional_soc[keep]
-        self.bill_total = self.bill_total[keep]
-        self.conventional_bill_total = self.conventional_bill_total[keep]
         if self.last is not None:
             self.last = self.last.with_homes(lambda old: old[keep])
         if self.day >= 0:

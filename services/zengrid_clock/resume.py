@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from zengrid.errors import JournalError
 from zengrid.scenario import HomeSpec
 from zengrid_clock.observations import Settled
@@ -54,8 +52,4 @@ def restore(clock: Clock) -> None:
     market.begin_day(clock.day, clock.slot)
     clock.last_record = last
     clock.observer.settled = Settled(last.day, last.slot, last.buy_price)
-    for block in run.blocks():
-        clock.sums.add_block(block)
-        if block.roster.homes == market.homes:
-            market.bill_total += np.add.reduce(block["bill"])
-            market.conventional_bill_total += np.add.reduce(block["conventional_bill"])
+    clock.totals = run.totals()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import signal
+import sys
 import time
 from collections import Counter
 from dataclasses import dataclass
@@ -13,6 +14,8 @@ import numpy as np
 
 from zengrid.bus.hub import Event, Hub
 from zengrid.core.state import Action, Exogenous
+from zengrid.errors import JournalUnavailableError
+from zengrid.journal import Totals
 from zengrid.wire.codec import encode
 from zengrid_clock.actions import CommandRange, read_commands, read_price
 from zengrid_clock.barrier import Barrier, Moment, Refused
@@ -23,9 +26,9 @@ from zengrid_clock.observations import Observer, Settled
 from zengrid_clock.pacing import Pace
 from zengrid_clock.records import public_slot, slot_record
 from zengrid_clock.roster import GRID, Agent, Roster
-from zengrid_clock.totals import Sums
 
 if TYPE_CHECKING:
+    from zengrid.journal import Roster as RosterRecord
     from zengrid.journal import Run, SlotRecord
     from zengrid.scenario import Scenario
 
@@ -33,6 +36,8 @@ OFFER_INTERVAL_S = 0.1
 """How often an absent agent is sent an observation, so that a stuck one does not fill its link."""
 IDLE_S = 0.5
 """Longest wait for an event, so that signals are noticed."""
+TOTALS_SLOTS = 1000
+"""How often what all slots add up to is journalled: a clock that resumes reads at most so many."""
 EVENTS_PER_LOOK = 1000
 """Most events handled between two slots, so that a flood cannot stop the market."""
 
@@ -68,13 +73,14 @@ class Clock:
         self.observer = Observer(hub.keys.run, market)
         self.desk = Desk(self)
         self.latencies = Latencies()
-        self.sums = Sums(scenario.dt_h)
+        self.totals = Totals(scenario.dt_h)
         self.refused: Counter[str] = Counter()
         self.position = self.day = self.slot = 0
         self.buy_price = min(scenario.buy_prices)
         self.in_slot = False
         self.last_record: SlotRecord | None = None
-        self._unpublished: SlotRecord | None = None
+        self._unpublished: tuple[SlotRecord, tuple[str, ...]] | None = None
+        """The last slot and its homes, while nobody has been told of it."""
 
     # ---------------------------------------------------------------- lifecycle
 
@@ -170,17 +176,37 @@ class Clock:
         settled = self.market.settle(Action(np.asarray(self.buy_price), command), exogenous)
         changed = self.desk.changed_roster()
         record = slot_record(self, settled, twin, exogenous)
-        self.run.commit(record, changed)
+        self._commit(record, changed)
         # From here on the slot is a fact: it is in the journal.
+        settled_homes = self.market.homes
         self.last_record = record
         self.market.advance(settled, twin)
         self.observer.settled = Settled(self.day, self.slot, self.buy_price)
         for agent in self.roster:
             agent.settled = True
-        self._unpublished = record
+        self._unpublished = record, settled_homes
         self._advance()
         committed = time.perf_counter()
         self.latencies.add(priced - began, answered - priced, committed - answered, committed)
+
+    def _commit(self, record: SlotRecord, roster: RosterRecord | None) -> None:
+        """Put a slot into the journal; where that cannot take it, wait until it can, or until asked to end."""
+        totals = self.totals if self.position % TOTALS_SLOTS == 0 else None
+        said = ""
+        while True:
+            try:
+                self.run.commit(record, roster, totals)
+            except JournalUnavailableError as error:
+                if self.pace.state == "ended":
+                    raise
+                if str(error) != said:
+                    said = str(error)
+                    say(f"waiting: {said}")
+            else:
+                break
+            self._take(IDLE_S, None)
+        if said:
+            say(f"going on: slot {record.slot} of day {record.day} is settled")
 
     def _advance(self) -> None:
         self.position += 1
@@ -193,10 +219,10 @@ class Clock:
 
     def _publish_last(self) -> None:
         """Tell the world of the last slot and count it, where that is still to be done."""
-        record, self._unpublished = self._unpublished, None
-        if record is not None:
-            self.hub.publish_slot(encode(public_slot(self, record)))
-            self.sums.add(record)
+        settled, self._unpublished = self._unpublished, None
+        if settled is not None:
+            self.hub.publish_slot(encode(public_slot(self, settled[0])))
+            self.totals.add(*settled)
 
     # ---------------------------------------------------------------- one phase
 
@@ -295,3 +321,8 @@ class Clock:
         agent.token = event.kind == "alive"
         if not agent.token and barrier is not None:
             barrier.give_up(agent.id)
+
+
+def say(text: str) -> None:
+    """One line for whoever started the clock."""
+    print(f"zengrid clock: {text}", file=sys.stderr, flush=True)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from zengrid.wire.requests import AgentStatus, HomesStatus, Status
+from zengrid.journal import TOTALS
+from zengrid.wire.requests import AgentStatus, HomesStatus, Status, Totals
 from zengrid_clock.records import settled_slot
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ def status(clock: Clock, *, homes: bool) -> Status:
         days=clock.settings.days,
         slots_per_s=clock.latencies.slots_per_s(time.perf_counter()),
         last=None if record is None else settled_slot(clock, record, homes=False),
-        totals=clock.sums.report(),
+        totals=_totals(clock),
         refused=dict(clock.refused),
         latency=clock.latencies.summary(),
         agents=tuple(
@@ -50,6 +51,11 @@ def status(clock: Clock, *, homes: bool) -> Status:
     )
 
 
+def _totals(clock: Clock) -> Totals:
+    values: dict[str, Any] = dict(zip(TOTALS, clock.totals.values.tolist(), strict=True))
+    return Totals(slots=clock.totals.slots, **values)
+
+
 def _count(clock: Clock, agent: str) -> int:
     mine = clock.market.agents.get(agent)
     return 0 if mine is None else mine.stop - mine.start
@@ -58,6 +64,7 @@ def _count(clock: Clock, agent: str) -> int:
 def _homes(clock: Clock) -> HomesStatus:
     market, last = clock.market, clock.market.last
     zeros = np.zeros(len(market.homes))
+    bill, conventional_bill = clock.totals.bills(market.homes)
     profile = market.profile(clock.slot) if market.day >= 0 else None
     return HomesStatus(
         homes=market.homes,
@@ -69,6 +76,6 @@ def _homes(clock: Clock) -> HomesStatus:
         injection_kw=zeros if last is None else last.injection_kw,
         pv_kw=zeros if profile is None else profile.pv_kw,
         load_kw=zeros if profile is None else profile.load_kw,
-        bill=market.bill_total,
-        conventional_bill=market.conventional_bill_total,
+        bill=bill,
+        conventional_bill=conventional_bill,
     )

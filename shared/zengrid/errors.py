@@ -19,6 +19,10 @@ class JournalError(ZengridError):
     """The journal cannot be read or written, or holds something else than asked for."""
 
 
+class JournalUnavailableError(JournalError):
+    """The journal cannot take a slot now (disk full, database away); nothing is lost, and it may be tried again."""
+
+
 class WireError(ZengridError):
     """A message does not follow the protocol."""
 

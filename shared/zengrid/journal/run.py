@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import time
 
-from zengrid.errors import JournalError
+from zengrid.errors import JournalError, JournalUnavailableError
+from zengrid.journal.columns import HOME_ARRAYS
 from zengrid.journal.database import Database, Row, Step, Writer
 from zengrid.journal.record import SlotRecord
 from zengrid.journal.roster import Roster
+from zengrid.journal.totals import Totals
 from zengrid.journal.view import Query, RunInfo, RunView
 
 
@@ -22,21 +24,28 @@ class Run(RunView):
         self._open()
         try:
             self.position = self._checked_count()
-            roster = self.roster() if self.position else None
+            roster = self._checked_roster() if self.position else None
         except BaseException:
             self.close()
             raise
         self._roster_version = roster.version if roster else None
         self._homes = len(roster.homes) if roster else 0
 
-    def commit(self, record: SlotRecord, roster: Roster | None = None) -> None:
+    def commit(self, record: SlotRecord, roster: Roster | None = None, totals: Totals | None = None) -> None:
         """Store a settled slot, and the roster if it changed, in one transaction.
+
+        Parameters
+        ----------
+        totals:
+            What the slots before this one add up to, to be kept beside it: now and then is enough.
 
         Raises
         ------
+        JournalUnavailableError
+            The database refused it. Nothing was stored, and the same record can be committed again once the cause is
+            mended.
         JournalError
-            The slot does not follow the last one or does not fit its roster; or the database refused it. Then nothing
-            was stored, and the same record can be committed again once the cause is mended.
+            The slot does not follow the last one or does not fit its roster.
         """
         if record.position != self.position:
             raise JournalError(f"position = {record.position}: run {self.name!r} goes on at position {self.position}")
@@ -47,13 +56,16 @@ class Run(RunView):
         steps: list[Step] = [(self._sql.insert_slot, (self.id, *row))]
         if roster is not None:
             steps.insert(0, (self._sql.insert_roster, (self.id, roster.version, record.position, roster.encode())))
+        if totals is not None and self._roster_version is not None:
+            # Last but one: what a writer counts is the slot, which comes last.
+            steps.insert(0, (self._sql.write_totals, (self.position, totals.encode(self._roster_version), self.id)))
         try:
             if self._writer is not None or not self._stored(row):
                 self._open().commit(steps)
         except self._database.errors as error:
             # Whether the database has it can be unknown (a connection that broke): the next attempt looks first.
             self._release()
-            raise JournalError(
+            raise JournalUnavailableError(
                 f"journal {self._database.name}: slot {record.slot} of day {record.day} is not settled, and can be "
                 f"committed again when this is mended: {error}"
             ) from error
@@ -89,11 +101,25 @@ class Run(RunView):
 
     def _checked_count(self) -> int:
         count, positions = self._query(self._sql.count, (self.id,))[0][0], self.count()
-        if count != positions:
+        kept = positions - self.kept_from()
+        if count != kept:
             raise JournalError(
-                f"journal {self._database.name} is damaged: run {self.name!r} holds {count} of {positions} slots"
+                f"journal {self._database.name} is damaged: run {self.name!r} holds {count} of {kept} slots"
             )
         return positions
+
+    def _checked_roster(self) -> Roster:
+        """The roster in force; the last slot, from which the market is to go on, must fit it."""
+        roster, last = self.roster(), self.last()
+        if last is None or last.roster_version != roster.version:
+            raise JournalError(f"journal {self._database.name} is damaged: run {self.name!r} ends under another roster")
+        for name in HOME_ARRAYS:
+            if getattr(last, name).shape != (len(roster.homes),):
+                raise JournalError(
+                    f"journal {self._database.name} is damaged: in the last slot of run {self.name!r} (day {last.day}, "
+                    f"slot {last.slot}) {name} holds {getattr(last, name).size} of {len(roster.homes)} homes"
+                )
+        return roster
 
     def _follows(self, roster: Roster) -> tuple[int, int]:
         if self._roster_version is not None and roster.version <= self._roster_version:

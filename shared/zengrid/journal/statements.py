@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 """Changes with the tables: a journal of another version is refused."""
 
 
@@ -27,7 +27,17 @@ class Statements:
     last_position: str
     """(run_id,)"""
     count: str
-    """(run_id,)"""
+    """(run_id,) -> slots that are kept"""
+    kept: str
+    """(run_id,) -> first position that is kept, position up to which the totals go, totals"""
+    keep_from: str
+    """(first position that is kept, run_id)"""
+    write_totals: str
+    """(position up to which they go, totals, run_id)"""
+    delete_slots: str
+    """(run_id, since, until)"""
+    delete_rosters: str
+    """(run_id, version): all rosters before it"""
     day_positions: str
     """(run_id, first day, day after the last) -> first and last position"""
     insert_roster: str

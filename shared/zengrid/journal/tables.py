@@ -24,12 +24,14 @@ from sqlalchemy import (
     Text,
     UniqueConstraint,
     bindparam,
+    delete,
     func,
     insert,
     literal_column,
     select,
     update,
 )
+from sqlalchemy import text as text_
 from sqlalchemy.schema import CreateTable
 from sqlalchemy.sql.expression import ClauseElement
 
@@ -51,6 +53,10 @@ RUN = Table(
     Column("version", Text, nullable=False),
     Column("started_at", Double, nullable=False),
     Column("finished_at", Double),
+    # What was pruned, and what everything up to some slot adds up to: neither must ever be read again.
+    Column("kept_from", Integer, nullable=False, server_default=text_("0")),
+    Column("totals_until", Integer, nullable=False, server_default=text_("0")),
+    Column("totals", LargeBinary),
 )
 
 ROSTER = Table(
@@ -95,10 +101,13 @@ def statements(dialect: Dialect) -> Statements:
     unstamped = select(version).where(~select(JOURNAL.c.schema_version).exists())
     stamp = insert(JOURNAL).from_select(["schema_version"], unstamped)
     begun: dict[str, BindParameter[Any]] = {
-        c.name: bindparam(c.name) for c in RUN.c if c.name not in {"id", "finished_at"}
+        c.name: bindparam(c.name)
+        for c in RUN.c
+        if c.name in {"name", "scenario", "seed", "dt_h", "version", "started_at"}
     }
     last_of_each = last_position.where(SLOT.c.run_id == RUN.c.id).scalar_subquery()
     slots = func.coalesce(last_of_each + literal_column("1"), literal_column("0"))
+    kept_from = select(RUN.c.kept_from).where(RUN.c.id == SLOT.c.run_id).scalar_subquery()
     infos = (RUN.c.id, RUN.c.name, RUN.c.seed, RUN.c.dt_h, RUN.c.version, RUN.c.started_at, RUN.c.finished_at)
     return Statements(
         create=(*(text(CreateTable(table, if_not_exists=True)) for table in METADATA.sorted_tables), text(stamp)),
@@ -115,7 +124,18 @@ def statements(dialect: Dialect) -> Statements:
         ),
         scenario=text(select(RUN.c.scenario).where(RUN.c.id == run_id), "run_id"),
         last_position=text(last_position.where(of_run), "run_id"),
-        count=text(select(func.count()).select_from(SLOT).where(of_run), "run_id"),
+        count=text(select(func.count()).select_from(SLOT).where(of_run, SLOT.c.position >= kept_from), "run_id"),
+        kept=text(select(RUN.c.kept_from, RUN.c.totals_until, RUN.c.totals).where(RUN.c.id == run_id), "run_id"),
+        keep_from=text(update(RUN).where(RUN.c.id == run_id).values(kept_from=bindparam("since")), "since", "run_id"),
+        write_totals=text(
+            update(RUN).where(RUN.c.id == run_id).values(totals_until=bindparam("until"), totals=bindparam("totals")),
+            "until", "totals", "run_id",
+        ),
+        delete_slots=text(delete(SLOT).where(*stretch), "run_id", "since", "until"),
+        delete_rosters=text(
+            delete(ROSTER).where(ROSTER.c.run_id == run_id, ROSTER.c.version < bindparam("version")),
+            "run_id", "version",
+        ),
         day_positions=text(
             select(func.min(SLOT.c.position), func.max(SLOT.c.position)).where(
                 of_run, SLOT.c.day >= bindparam("since"), SLOT.c.day < bindparam("until")

@@ -18,6 +18,7 @@ from zengrid.journal.database import Row
 from zengrid.journal.record import SlotRecord
 from zengrid.journal.roster import Roster
 from zengrid.journal.statements import Statements
+from zengrid.journal.totals import Totals
 
 Query = Callable[[str, Row], list[Row]]
 
@@ -43,7 +44,7 @@ class RunInfo:
     finished_at: float | None
     """Unix time [s]; None while the run can be resumed"""
     slots: int
-    """Settled so far"""
+    """Settled so far, pruned ones included"""
 
 
 class RunView:
@@ -65,6 +66,24 @@ class RunView:
         last = self._query(self._sql.last_position, (self.id,))[0][0]
         return 0 if last is None else int(last) + 1
 
+    def kept_from(self) -> int:
+        """Position of the first slot that is kept: those before it were pruned."""
+        return int(self._query(self._sql.kept, (self.id,))[0][0])
+
+    def totals(self, until: int | None = None) -> Totals:
+        """What all slots up to, without, a position add up to, pruned ones included; by default all there are."""
+        end = self.count() if until is None else until
+        _, position, data = self._query(self._sql.kept, (self.id,))[0]
+        totals = Totals(self.info.dt_h)
+        if data is not None and position <= end:
+            totals = Totals.decode(data, self.roster(Totals.roster_version(data)), self.info.dt_h)
+        if totals.slots < end:
+            for block in self.blocks(totals.slots, end):
+                if int(block["position"][0]) != totals.slots:
+                    raise JournalError(f"run {self.name!r}: the slots from position {totals.slots} on were pruned")
+                totals.add_block(block)
+        return totals
+
     def last(self) -> SlotRecord | None:
         """The slot settled last: the state to resume from."""
         count = self.count()
@@ -72,8 +91,9 @@ class RunView:
 
     def records(self, since: int = 0, until: int | None = None, limit: int = 1000) -> list[SlotRecord]:
         """Settled slots from position ``since`` up to, without, ``until``, and ``limit`` at most."""
-        end = min(UNLIMITED if until is None else until, since + limit)
-        return [SlotRecord.decode(row) for row in self._query(self._sql.slots, (self.id, since, end))]
+        first = max(since, self.kept_from())
+        end = min(UNLIMITED if until is None else until, first + limit)
+        return [SlotRecord.decode(row) for row in self._query(self._sql.slots, (self.id, first, end))]
 
     def blocks(self, since: int = 0, until: int | None = None, *, homes: bool = True) -> Iterator[Block]:
         """The same, column by column in blocks of bounded size, each under one roster.
@@ -84,7 +104,7 @@ class RunView:
         end = self.count() if until is None else min(until, self.count())
         width = max((len(roster.homes) for _, roster in self.rosters()), default=0) if homes else 0
         step = max(1, min(BLOCK_SLOTS, BLOCK_VALUES // max(width, 1)))
-        for start in range(since, end, step):
+        for start in range(max(since, self.kept_from()), end, step):
             rows = self._query(sql, (self.id, start, min(start + step, end)))
             for version, same in groupby(rows, key=itemgetter(names.index("roster_version"))):
                 columns = {
@@ -121,7 +141,7 @@ class RunView:
     def days(self, first: int = 0, until: int | None = None) -> range:
         """Positions of the slots of the days from ``first`` up to, without, ``until``."""
         low, high = self._query(self._sql.day_positions, (self.id, first, UNLIMITED if until is None else until))[0]
-        return range(0) if low is None else range(low, high + 1)
+        return range(0) if low is None else range(max(low, self.kept_from()), high + 1)
 
     def rosters(self) -> list[tuple[int, Roster]]:
         """Every roster with the position it counts from, in order."""
