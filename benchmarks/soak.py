@@ -24,6 +24,7 @@ import threading
 import time
 from collections import defaultdict
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.error import URLError
@@ -114,9 +115,7 @@ class Soak:
                     self.findings.append(f"slot {slot.position} was published after {self.heard[-1].position}")
                 return
             everyone = acted | frozenset(slot.fell_back)
-            self.heard.append(
-                Heard(time.monotonic(), slot.position, slot.buy_price, slot.demand_kw, acted, everyone)
-            )
+            self.heard.append(Heard(time.monotonic(), slot.position, slot.buy_price, slot.demand_kw, acted, everyone))
             self.changed.notify_all()
 
     def wait(self, wanted: Callable[[Heard], bool], since: float) -> bool:
@@ -168,7 +167,14 @@ class Soak:
         """The next fault: kinds with weights, and a target that was not killed too often lately."""
         spawned = self.spawned()
         while True:
-            kinds = {"kill agent": 5, "stop agent": 4, "kill grid": 2, "stop grid": 1, "kill clock": 3, "stop clock": 2}
+            kinds = {
+                "kill agent": 5.0,
+                "stop agent": 4,
+                "kill grid": 2,
+                "stop grid": 1,
+                "kill clock": 3,
+                "stop clock": 2,
+            }
             kinds |= {"kill gateway": 1, "kill spawner": 0.5, "kill several": 1, "add home": 3, "remove home": 2}
             kinds["kill spawned home"] = 2
             (kind,) = self.random.choices(list(kinds), list(kinds.values()))
@@ -248,7 +254,7 @@ class Soak:
             recovered = self.wait(lambda slot: target not in slot.everyone, time.monotonic())
         now = time.monotonic()
         times = [at, *(slot.at for slot in self.heard[mark:] if slot.at <= now), now]
-        pause_s = max(after - before for before, after in zip(times, times[1:], strict=False))
+        pause_s = max(after - before for before, after in pairwise(times))
         return Fault(kind, target, at, now - since if recovered else None, pause_s)
 
     def add(self, home: str, client: Client) -> bool:
@@ -284,7 +290,7 @@ class Soak:
         until = time.monotonic() + RECOVERY_S
         while time.monotonic() < until:
             try:
-                with urlopen(f"http://127.0.0.1:{self.port}/v1/price", timeout=5) as reply:  # noqa: S310
+                with urlopen(f"http://127.0.0.1:{self.port}/v1/price", timeout=5) as reply:
                     return bool(reply.status == 200)
             except (URLError, OSError):
                 time.sleep(0.05)
@@ -296,7 +302,9 @@ class Soak:
         """Faults until the time is up, then the end of the market."""
         with Client("main", self.endpoint, timeout_s=30.0) as client:
             following = client.follow(self.on_slot)
-            if not self.wait(lambda slot: {"grid", *SCENARIO_AGENTS} <= slot.acted, 0.0) or not self.spawner_back(client):
+            if not self.wait(lambda slot: {"grid", *SCENARIO_AGENTS} <= slot.acted, 0.0) or not self.spawner_back(
+                client
+            ):
                 raise SystemExit(f"the market did not start: {self.output.read_text()}")
             self.gateway_answers()
             began = time.monotonic()
@@ -428,17 +436,17 @@ def table(rows: list[dict[str, Any]]) -> str:
         "| fault | times | recovered | recovery median / worst [s] | longest time without a slot, median / worst [s] |",
         "|---|---|---|---|---|",
     ]
-    for row in rows:
-        lines.append(
-            f"| {row['kind']} | {row['faults']} | {row['recovered']} | {shown(row['median_s'])} / "
-            f"{shown(row['worst_s'])} | {shown(row['pause_median_s'])} / {shown(row['pause_worst_s'])} |"
-        )
+    lines += [
+        f"| {row['kind']} | {row['faults']} | {row['recovered']} | {shown(row['median_s'])} / "
+        f"{shown(row['worst_s'])} | {shown(row['pause_median_s'])} / {shown(row['pause_worst_s'])} |"
+        for row in rows
+    ]
     return "\n".join(lines)
 
 
 def shared_memory() -> set[str]:
     """Files of Zenoh in shared memory, which killed processes could leave."""
-    return {name for name in os.listdir("/dev/shm") if "zenoh" in name}
+    return {path.name for path in Path("/dev/shm").glob("*zenoh*")}
 
 
 def main() -> int:

@@ -57,9 +57,10 @@ def test_one_process_an_agent() -> None:
     assert (p1.role, p1.id, p1.policy, p1.encoding) == ("prosumer", "p1", "random:7", "json")
 
 
-def test_fleets_use_the_compact_encoding() -> None:
-    specs = plan("village").agents(load("village"))
-    assert {understood(spec).encoding for spec in specs[1:]} == {"binary"}
+def test_large_fleets_use_the_compact_encoding() -> None:
+    for scenario, encoding in (("village", "json"), ("city", "binary")):
+        specs = plan(scenario).agents(load(scenario))
+        assert {understood(spec).encoding for spec in specs[1:]} == {encoding}
 
 
 def test_the_gateway_and_the_table() -> None:

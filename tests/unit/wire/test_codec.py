@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
+import safetensors.numpy
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
@@ -81,6 +84,38 @@ def test_damaged_binary_is_refused_or_the_same(data: st.DataObject) -> None:
     cut = data.draw(st.integers(0, len(whole) - 1))
     with pytest.raises(WireError):
         decode(FleetAction, whole[:cut], BINARY)
+
+
+def test_binary_is_what_the_safetensors_library_reads_and_writes() -> None:
+    action = FleetAction(run="main", day=0, slot=3, instance="01234567", battery_kw=np.array([1.5, -2.0, 0.1]))
+    whole = encode(action, BINARY)
+    assert safetensors.numpy.load(whole)["battery_kw"].tolist() == [1.5, -2.0, 0.1]
+    rest = json.dumps({"run": "main", "day": 0, "slot": 3, "phase": "battery", "instance": "01234567"})
+    theirs = safetensors.numpy.save({"battery_kw": np.asarray(action.battery_kw)}, {"message": rest})
+    assert encode(decode(FleetAction, theirs, BINARY), BINARY) == whole
+
+
+@pytest.mark.parametrize(
+    ("tensor", "says"),
+    [
+        ({"dtype": "F64", "shape": [2], "data_offsets": [0, 24]}, "battery_kw lies at bytes 0 to 24 of 24"),
+        ({"dtype": "F64", "shape": [4], "data_offsets": [0, 32]}, "battery_kw lies at bytes 0 to 32 of 24"),
+        ({"dtype": "F64", "shape": [3], "data_offsets": [-8, 16]}, "battery_kw lies at bytes -8 to 16 of 24"),
+        ({"dtype": "F64", "shape": [-1], "data_offsets": [8, 0]}, "columns are F64[homes]"),
+        ({"dtype": "F64", "shape": [2], "data_offsets": [0, 16]}, "3 numbers came, the columns hold 2"),
+        ({"dtype": "F32", "shape": [6], "data_offsets": [0, 24]}, "battery_kw is F32[6]: columns are F64[homes]"),
+        ({"dtype": "F64", "shape": [3.5], "data_offsets": [0, 28]}, "battery_kw lies"),
+        ({"dtype": "F64", "shape": "x", "data_offsets": [0, 8]}, "not a safetensors message"),
+        ({"dtype": "F64", "shape": [3]}, "not a safetensors message"),
+        (7, "not a safetensors message"),
+    ],
+)
+def test_a_binary_header_must_describe_its_numbers(tensor: object, says: str) -> None:
+    head = json.dumps({"__metadata__": {"message": "{}"}, "battery_kw": tensor}).encode()
+    payload = len(head).to_bytes(8, "little") + head + np.ones(3).tobytes()
+    with pytest.raises(WireError) as caught:
+        decode(FleetAction, payload, BINARY)
+    assert says in str(caught.value)
 
 
 def test_binary_columns_must_be_finite() -> None:
