@@ -444,11 +444,6 @@ def table(rows: list[dict[str, Any]]) -> str:
     return "\n".join(lines)
 
 
-def shared_memory() -> set[str]:
-    """Files of Zenoh in shared memory, which killed processes could leave."""
-    return {path.name for path in Path("/dev/shm").glob("*zenoh*")}
-
-
 def main() -> int:
     """Run, audit, print the table, write the figures."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -458,7 +453,6 @@ def main() -> int:
     options.add_argument("--deadline", type=float, default=0.5, help="the market's; default: %(default)s s")
     options.add_argument("--out", type=Path, default=Path("benchmarks/results/soak.json"))
     chosen = options.parse_args()
-    before = shared_memory()
     with tempfile.TemporaryDirectory(prefix="zengrid-soak-") as name:
         soak = Soak(Path(name), chosen.minutes, chosen.faults_per_minute, chosen.seed, chosen.deadline)
         # However this process is asked to end, it takes its market with it.
@@ -471,8 +465,6 @@ def main() -> int:
         seconds = time.monotonic() - began
         slots = soak.audit()
         soak.leftovers()
-        if shared_memory() - before:
-            soak.findings.append(f"left in shared memory: {', '.join(sorted(shared_memory() - before))}")
         processes = soak.flat()
         journal_mb = soak.journal.stat().st_size / 2**20
         if soak.findings:

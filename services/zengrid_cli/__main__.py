@@ -28,6 +28,7 @@ COMMANDS = {
     "top": Command("zengrid_cli.top:main", "watch a running market from anywhere"),
     "control": Command("zengrid_cli.control:main", "pause, resume, step, speed up or stop a market"),
     "export": Command("zengrid_cli.export:export", "write a journal as CSV or Parquet", typer=True),
+    "journal": Command("zengrid_cli.journal:app", "verify, back up and prune a journal", typer=True),
     "train": Command("zengrid_cli.train:main", "train agents in a simulated market"),
     "evaluate": Command("zengrid_cli.evaluate:main", "how good policies are, and how far from the best possible"),
     "reproduce": Command("zengrid_cli.reproduce:main", "every figure and number of the paper, from nothing"),

@@ -109,6 +109,12 @@ def up_parser() -> argparse.ArgumentParser:
         metavar="FILE|URL",
         help="where settled slots are kept (default: %(default)s)",
     )
+    journal.add_argument(
+        "--keep-days",
+        type=parse_count,
+        metavar="N",
+        help="delete all but the last N days from the journal (default: keep all)",
+    )
     journal.add_argument("--resume", action="store_true", help="go on with the last run in the journal")
     journal.add_argument(
         "--durability", choices=["normal", "full"], default="normal", help="full: survive power loss, not only crashes"

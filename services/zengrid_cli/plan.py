@@ -51,10 +51,10 @@ class Plan:
         words = [it.scenario, "--listen", self.endpoint, "--run", it.run, "--journal", it.journal, *self._certs]
         words += ["--deadline", str(it.deadline), "--speed", f"{it.speed!r}x" if it.speed else "max"]
         words += ["--durability", it.durability, "--soc-reset", it.soc_reset]
-        for option in ("data", "seed", "days"):
+        for option in ("data", "seed", "days", "keep_days"):
             value = getattr(it, option)
             if value is not None:
-                words += [f"--{option}", str(value)]
+                words += [f"--{option.replace('_', '-')}", str(value)]
         words += [f"--{flag}" for flag in ("paused", "insecure", "resume") if getattr(it, flag)]
         again = () if it.resume else ("--resume",)
         return self._spec(CLOCK, "zengrid_clock", words, again=again)

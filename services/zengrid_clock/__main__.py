@@ -71,6 +71,12 @@ def parser() -> argparse.ArgumentParser:
         "--durability", choices=["normal", "full"], default="normal", help="full: survive power loss, not only crashes"
     )
     it.add_argument(
+        "--keep-days",
+        type=parse_days,
+        metavar="N",
+        help="delete all but the last N days from the journal (default: keep all)",
+    )
+    it.add_argument(
         "--resume", action="store_true", help="go on with the run of this name in the journal, if it has not ended"
     )
     it.add_argument(
@@ -105,6 +111,13 @@ def parse_speed(text: str) -> float:
     return speed
 
 
+def parse_days(text: str) -> int:
+    """A whole number from 1 up."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"days = {text}: give a whole number from 1 up")
+    return int(text)
+
+
 def open_clock(options: argparse.Namespace, stack: ExitStack) -> Clock:
     """Put a clock together; what it holds open is closed with the stack."""
     from zengrid import __version__
@@ -113,8 +126,9 @@ def open_clock(options: argparse.Namespace, stack: ExitStack) -> Clock:
     from zengrid.scenario import load
     from zengrid_clock.market import LiveMarket
     from zengrid_clock.resume import restore
+    from zengrid_clock.retention import Retention
     from zengrid_clock.roster import Roster
-    from zengrid_clock.service import Clock, ClockSettings
+    from zengrid_clock.service import Clock, ClockSettings, say
 
     settings = ClockSettings(
         days=options.days,
@@ -131,14 +145,20 @@ def open_clock(options: argparse.Namespace, stack: ExitStack) -> Clock:
     market = LiveMarket(scenario, days)
     roster = Roster(agent.id for agent in scenario.agents)
     journal = stack.enter_context(Journal.open(options.journal, durability=options.durability))
+
+    def keeping(clock: Clock) -> Clock:
+        if options.keep_days is not None:
+            clock.retention = stack.enter_context(Retention(journal, clock.run.name, options.keep_days, say))
+        return clock
+
     earlier = [info for info in journal.runs() if info.name.rpartition("-")[0] == options.run]
     if options.resume and earlier and earlier[-1].finished_at is None:
         clock = Clock(scenario, market, roster, hub, journal.resume(earlier[-1].id), settings)
         restore(clock)
-        return clock
+        return keeping(clock)
     name = f"{options.run}-{len(earlier) + 1}"
     run = journal.begin(name, scenario.dump(), seed=scenario.seed, dt_h=scenario.dt_h, version=__version__)
-    return Clock(scenario, market, roster, hub, run, settings)
+    return keeping(Clock(scenario, market, roster, hub, run, settings))
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from zengrid.journal import Roster as RosterRecord
     from zengrid.journal import Run, SlotRecord
     from zengrid.scenario import Scenario
+    from zengrid_clock.retention import Retention
 
 OFFER_INTERVAL_S = 0.1
 """How often an absent agent is sent an observation, so that a stuck one does not fill its link."""
@@ -74,6 +75,7 @@ class Clock:
         self.desk = Desk(self)
         self.latencies = Latencies()
         self.totals = Totals(scenario.dt_h)
+        self.retention: Retention | None = None
         self.refused: Counter[str] = Counter()
         self.position = self.day = self.slot = 0
         self.buy_price = min(scenario.buy_prices)
@@ -213,6 +215,8 @@ class Clock:
         self.slot += 1
         if self.slot == self.scenario.slots_per_day:
             self.day, self.slot = self.day + 1, 0
+            if self.retention is not None:
+                self.retention.day_is_over()
         self.pace.finished()
         self.in_slot = False
         self.desk.apply_changes()

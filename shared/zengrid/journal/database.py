@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
@@ -47,6 +48,10 @@ class Database(Protocol):
     errors: tuple[type[Exception], ...]
     """what its connections and writers raise"""
     statements: Statements
+    begin: str
+    """begins a transaction that writes"""
+    snapshot: str
+    """begins one that reads, and sees nothing that is written meanwhile"""
     lasting: bool
     """whether the connection made last, if kept, will see what others write"""
 
@@ -61,6 +66,24 @@ class Database(Protocol):
 
     def writer(self, run_id: int, run_name: str) -> Writer:
         """Become the one writer of a run."""
+
+    def check(self, connection: Connection) -> list[str]:
+        """What the database itself finds wrong with its pages; one line each."""
+
+    def alone(self, runs: Sequence[tuple[int, str]]) -> AbstractContextManager[None]:
+        """Keep the writers of these runs away, where another process must not write beside them.
+
+        Raises
+        ------
+        JournalError
+            One of them is there.
+        """
+
+    def vacuum(self) -> None:
+        """Give the space of deleted slots back."""
+
+    def size(self, connection: Connection) -> int:
+        """What the journal takes. [byte]"""
 
 
 def transact(connection: Connection, begin: Sequence[str], steps: Sequence[Step]) -> None:

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Self
+from typing import Self, TypeVar
 
 from zengrid.errors import JournalError
-from zengrid.journal.database import Connection, Database, Durability, Row, database
+from zengrid.journal.database import Connection, Database, Durability, Row, Step, database, transact
 from zengrid.journal.run import Run
-from zengrid.journal.statements import SCHEMA_VERSION
+from zengrid.journal.statements import SCHEMA_VERSION, Statements
 from zengrid.journal.view import RunInfo, RunView
+
+T = TypeVar("T")
 
 
 class Journal:
@@ -106,6 +110,75 @@ class Journal:
             except self._database.errors as error:
                 self._drop_reader()
                 raise JournalError(f"journal {self.name} cannot be read: {error}") from error
+
+    @property
+    def statements(self) -> Statements:
+        """The SQL of its database."""
+        return self._database.statements
+
+    def write(self, steps: Sequence[Step]) -> None:
+        """Change what no clock writes, beside the clocks that are running; all steps or none."""
+        if not steps:
+            return
+        try:
+            connection = self._database.connect()
+            try:
+                transact(connection, [self._database.begin], steps)
+            finally:
+                connection.close()
+        except self._database.errors as error:
+            raise JournalError(f"journal {self.name} cannot be changed: {error}") from error
+
+    def check(self) -> list[str]:
+        """What the database finds wrong with itself, below what the journal means; one line each."""
+        return self._ask(self._database.check)
+
+    def size(self) -> int:
+        """What it takes on disk. [byte]"""
+        return self._ask(self._database.size)
+
+    def alone(self) -> AbstractContextManager[None]:
+        """For whoever writes without being a clock: refused while a clock writes to the same SQLite file."""
+        return self._database.alone([(info.id, info.name) for info in self.runs()])
+
+    def vacuum(self) -> None:
+        """Give the space of deleted slots back to the system."""
+        with self._reading:
+            self._drop_reader()
+        try:
+            self._database.vacuum()
+        except self._database.errors as error:
+            raise JournalError(f"journal {self.name} cannot be vacuumed: {error}") from error
+
+    def copy_to(self, path: Path, progress: Callable[[int, int], None] | None = None) -> int:
+        """Copy everything, as it is at this moment, into a new SQLite file; returns the number of slots.
+
+        Raises OSError where the file cannot be written.
+        """
+        from zengrid.journal.copy import copy
+
+        target = database(path, "full", read_only=False)
+        try:
+            source = self._database.connect()
+            try:
+                source.execute(self._database.snapshot)
+                return copy(source, target, progress)
+            finally:
+                source.close()
+        except target.errors as error:
+            raise OSError(f"cannot be written: {error}") from error
+        except self._database.errors as error:
+            raise JournalError(f"journal {self.name} cannot be read: {error}") from error
+
+    def _ask(self, question: Callable[[Connection], T]) -> T:
+        try:
+            connection = self._database.connect()
+            try:
+                return question(connection)
+            finally:
+                connection.close()
+        except self._database.errors as error:
+            raise JournalError(f"journal {self.name} cannot be read: {error}") from error
 
     def close(self) -> None:
         """Close everything opened through this journal."""

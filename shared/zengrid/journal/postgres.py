@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 from zengrid.errors import JournalError
@@ -18,6 +19,8 @@ class PostgresDatabase:
     """One database. Durability ``normal`` leaves the server's ``synchronous_commit`` as it is, ``full`` turns it on."""
 
     lasting = True
+    begin = "BEGIN"
+    snapshot = "BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY"
 
     def __init__(self, url: str, durability: Durability) -> None:
         try:
@@ -61,7 +64,7 @@ class PostgresDatabase:
         lock = f"SELECT pg_advisory_xact_lock({LOCK_SPACE}, 0)"
         # The server would try to compress what cannot be compressed: at 10,000 homes that is most of a commit's time.
         plain = [f"ALTER TABLE zengrid_slot ALTER COLUMN {name} SET STORAGE EXTERNAL" for name in HOME_ARRAYS]
-        transact(connection, ["BEGIN", lock], [(sql, ()) for sql in (*self.statements.create, *plain)])
+        transact(connection, [self.begin, lock], [(sql, ()) for sql in (*self.statements.create, *plain)])
 
     def writer(self, run_id: int, run_name: str) -> PostgresWriter:
         """Become the one writer of a run: the server gives the lock back when the connection ends."""
@@ -73,6 +76,28 @@ class PostgresDatabase:
                 f"journal {self.name}: run {run_name!r} is being written by another process: a run has one writer"
             )
         return PostgresWriter(connection)
+
+    def check(self, connection: Connection) -> list[str]:
+        """A server looks after its own pages (``pg_amcheck`` asks it)."""
+        return []
+
+    def alone(self, runs: Sequence[tuple[int, str]]) -> AbstractContextManager[None]:
+        """The server keeps writers apart."""
+        return nullcontext()
+
+    def vacuum(self) -> None:
+        """Have the server use the space again; it makes no writer wait."""
+        connection = self.connect()
+        try:
+            connection.execute("VACUUM zengrid_slot, zengrid_roster, zengrid_run")
+        finally:
+            connection.close()
+
+    def size(self, connection: Connection) -> int:
+        """The tables with their indexes. [byte]"""
+        names = ("zengrid_slot", "zengrid_roster", "zengrid_run")
+        found = connection.execute(f"SELECT {' + '.join(f'pg_total_relation_size({name!r})' for name in names)}")
+        return int(found.fetchone()[0])
 
 
 class PostgresWriter:

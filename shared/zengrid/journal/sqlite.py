@@ -5,12 +5,13 @@ from __future__ import annotations
 import os
 import sqlite3
 import threading
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from zengrid.errors import JournalError
 from zengrid.journal.database import Connection, Durability, Step, transact
+from zengrid.journal.guard import InUse
 from zengrid.journal.lock import FileLock
 from zengrid.journal.sqlite_statements import SQLITE
 
@@ -27,25 +28,27 @@ class SqliteDatabase:
 
     errors: tuple[type[Exception], ...] = (sqlite3.Error, OSError)
     statements = SQLITE
+    begin = "BEGIN IMMEDIATE"
+    snapshot = "BEGIN"
 
     def __init__(self, path: Path, durability: Durability, *, read_only: bool) -> None:
         self.name = str(path)
         self.lasting = True
-        self._path = path.absolute()
+        self.path = path.absolute()
         self._inode: int | None = None
         self._mode = "ro" if read_only else "rwc"
         self._synchronous = "FULL" if durability == "full" else "NORMAL"
-        if read_only and not self._path.exists():
+        if read_only and not self.path.exists():
             raise JournalError(f"journal {path}: there is no such file")
-        if not self._path.parent.is_dir():
-            raise JournalError(f"journal {path}: there is no directory {self._path.parent}")
+        if not self.path.parent.is_dir():
+            raise JournalError(f"journal {path}: there is no directory {self.path.parent}")
 
     def connect(self) -> sqlite3.Connection:
         """Open the file; the first connection of a writer creates it."""
         # Reading beside a log needs an index file; where none can be made, and there is no log, the file is whole.
-        may_index = self._mode != "ro" or os.access(self._path.parent, os.W_OK)
-        self.lasting = may_index or Path(f"{self._path}-wal").exists()
-        uri = f"{self._path.as_uri()}?mode={self._mode}{'' if self.lasting else '&immutable=1'}"
+        may_index = self._mode != "ro" or os.access(self.path.parent, os.W_OK)
+        self.lasting = may_index or Path(f"{self.path}-wal").exists()
+        uri = f"{self.path.as_uri()}?mode={self._mode}{'' if self.lasting else '&immutable=1'}"
         # Each connection is used by one thread at a time: whoever holds it sees to that.
         connection = sqlite3.connect(uri, uri=True, timeout=BUSY_S, isolation_level=None, check_same_thread=False)
         connection.execute(f"PRAGMA synchronous={self._synchronous}")
@@ -54,11 +57,11 @@ class SqliteDatabase:
 
     def check_present(self) -> None:
         """SQLite goes on writing to a file that was deleted or replaced, where nobody would ever find it."""
-        found = os.stat(self._path).st_ino  # noqa: PTH116 - for every slot, and a third of the time of Path.stat
+        found = os.stat(self.path).st_ino  # noqa: PTH116 - for every slot, and a third of the time of Path.stat
         if self._inode is None:
             self._inode = found
         elif found != self._inode:
-            raise FileNotFoundError(f"{self._path} was replaced by another file")
+            raise FileNotFoundError(f"{self.path} was replaced by another file")
 
     def tables(self, connection: Connection) -> set[str]:
         """All tables of the file: it belongs to the journal alone."""
@@ -69,16 +72,44 @@ class SqliteDatabase:
     def create(self, connection: Connection) -> None:
         """Create the tables; a second process waits for the first."""
         connection.execute("PRAGMA journal_mode=WAL")
-        transact(connection, ["BEGIN IMMEDIATE"], [(sql, ()) for sql in SQLITE.create])
+        transact(connection, [self.begin], [(sql, ()) for sql in SQLITE.create])
 
     def writer(self, run_id: int, run_name: str) -> SqliteWriter:
         """Become the one writer of a run."""
-        lock = FileLock.take(Path(f"{self._path}-run{run_id}.lock"), f"journal {self.name}: run {run_name!r}")
+        lock = FileLock.take(Path(f"{self.path}-run{run_id}.lock"), f"journal {self.name}: run {run_name!r}")
         try:
             return SqliteWriter(self, lock)
         except BaseException:
             lock.release()
             raise
+
+    def check(self, connection: Connection) -> list[str]:
+        """What SQLite finds wrong with its pages."""
+        found = [str(text) for (text,) in connection.execute("PRAGMA quick_check(20)").fetchall()]
+        return [] if found == ["ok"] else found
+
+    @contextmanager
+    def alone(self, runs: Sequence[tuple[int, str]]) -> Iterator[None]:
+        """Keep clocks from writing: in a process with Zenoh SQLite's own locks cannot be relied on, see ``guard``."""
+        with ExitStack() as stack:
+            for run_id, run_name in runs:
+                lock = FileLock.take(Path(f"{self.path}-run{run_id}.lock"), f"journal {self.name}: run {run_name!r}")
+                stack.callback(lock.release)
+            yield
+
+    def vacuum(self) -> None:
+        """Write the file anew without its gaps."""
+        connection = self.connect()
+        try:
+            connection.execute("VACUUM")
+            connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
+        finally:
+            connection.close()
+
+    def size(self, connection: Connection) -> int:
+        """The file and its log. [byte]"""
+        files = (self.path, Path(f"{self.path}-wal"))
+        return sum(path.stat().st_size for path in files if path.exists())
 
 
 class SqliteWriter:
@@ -90,6 +121,9 @@ class SqliteWriter:
         self._lock = lock
         self._connection = database.connect()
         self._connection.execute(f"PRAGMA wal_autocheckpoint={LOG_PAGES_MAX}")
+        # A first look opens the log and its index, which are to be marked.
+        self._connection.execute("SELECT count(*) FROM zengrid_journal").fetchone()
+        self._in_use = InUse(database.path)
         self._checkpointer = _Checkpointer(database)
 
     def commit(self, steps: Sequence[Step]) -> None:
@@ -99,12 +133,13 @@ class SqliteWriter:
             # A statement alone is a transaction.
             self._connection.execute(*steps[0])
         else:
-            transact(self._connection, ["BEGIN IMMEDIATE"], steps)
+            transact(self._connection, [self._database.begin], steps)
         self._checkpointer.wrote(sum(len(cell) for cell in steps[-1][1] if type(cell) is bytes))
 
     def close(self) -> None:
         """Give the right back; what was not committed is undone."""
         self._checkpointer.close()
+        self._in_use.release()
         self._connection.close()
         self._lock.release()
 

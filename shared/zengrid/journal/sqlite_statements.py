@@ -19,6 +19,7 @@ SQLITE = Statements(
     scenario='SELECT zengrid_run.scenario FROM zengrid_run WHERE zengrid_run.id = ?',
     last_position='SELECT max(zengrid_slot.position) AS max_1 FROM zengrid_slot WHERE zengrid_slot.run_id = ?',
     count='SELECT count(*) AS count_1 FROM zengrid_slot WHERE zengrid_slot.run_id = ? AND zengrid_slot.position >= (SELECT zengrid_run.kept_from FROM zengrid_run WHERE zengrid_run.id = zengrid_slot.run_id)',
+    first_position='SELECT coalesce(min(zengrid_slot.position), 0) AS coalesce_1 FROM zengrid_slot WHERE zengrid_slot.run_id = ?',
     kept='SELECT zengrid_run.kept_from, zengrid_run.totals_until, zengrid_run.totals FROM zengrid_run WHERE zengrid_run.id = ?',
     keep_from='UPDATE zengrid_run SET kept_from=? WHERE zengrid_run.id = ?',
     write_totals='UPDATE zengrid_run SET totals_until=?, totals=? WHERE zengrid_run.id = ?',

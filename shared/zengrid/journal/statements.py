@@ -28,6 +28,8 @@ class Statements:
     """(run_id,)"""
     count: str
     """(run_id,) -> slots that are kept"""
+    first_position: str
+    """(run_id,) -> the first there is, or 0"""
     kept: str
     """(run_id,) -> first position that is kept, position up to which the totals go, totals"""
     keep_from: str

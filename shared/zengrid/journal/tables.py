@@ -125,6 +125,9 @@ def statements(dialect: Dialect) -> Statements:
         scenario=text(select(RUN.c.scenario).where(RUN.c.id == run_id), "run_id"),
         last_position=text(last_position.where(of_run), "run_id"),
         count=text(select(func.count()).select_from(SLOT).where(of_run, SLOT.c.position >= kept_from), "run_id"),
+        first_position=text(
+            select(func.coalesce(func.min(SLOT.c.position), literal_column("0"))).where(of_run), "run_id"
+        ),
         kept=text(select(RUN.c.kept_from, RUN.c.totals_until, RUN.c.totals).where(RUN.c.id == run_id), "run_id"),
         keep_from=text(update(RUN).where(RUN.c.id == run_id).values(kept_from=bindparam("since")), "since", "run_id"),
         write_totals=text(

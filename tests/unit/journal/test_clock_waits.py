@@ -1,0 +1,137 @@
+"""A market whose journal cannot take a slot waits, says so, and goes on with that slot once it can."""
+
+from __future__ import annotations
+
+import resource
+import signal
+import time
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from zengrid.errors import ZengridError
+from zengrid.journal import Journal
+from zengrid.journal.audit import audit
+from zengrid.testing import Market
+
+AGENTS = ("p1", "p2", "p3")
+
+
+def until(condition: Callable[[], bool], missing: str, market: Market, timeout_s: float = 30.0) -> None:
+    end = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < end, f"in vain: {missing}\n{market.said()}"
+        time.sleep(0.02)
+
+
+def said(market: Market, text: str, times: int = 1) -> Callable[[], bool]:
+    return lambda: market.processes["clock"].said().count(text) >= times
+
+
+def answers(market: Market) -> bool:
+    try:
+        return market.client.control("status").state == "paused"
+    except ZengridError:
+        return False
+
+
+def goes_on_and_is_sound(market: Market, place: str) -> None:
+    """Whoever was told of a slot was told what the journal holds."""
+    last = market.last
+    assert last is not None
+    market.wait_for_slots(50)
+    market.client.control("stop")
+    assert market.processes["clock"].end() == 0
+    with Journal.open(place, read_only=True) as journal:
+        run = journal.run()
+        assert audit(run) == []
+        kept = run.records(last.position, last.position + 1)[0]
+        assert (kept.buy_price, kept.demand_kw) == (last.buy_price, last.demand_kw)
+
+
+def test_a_full_disk_stops_the_market_until_there_is_space() -> None:
+    with Market() as market:
+        market.start_agents(*AGENTS)
+        market.wait_for_slots(30)
+        clock = market.processes["clock"].popen.pid
+        _, most = resource.prlimit(clock, resource.RLIMIT_FSIZE)
+        # No file of the clock may grow: to SQLite the same as a disk without space.
+        size = max(path.stat().st_size for path in market.folder.glob("journal.db*"))
+        resource.prlimit(clock, resource.RLIMIT_FSIZE, (size, most))
+        until(said(market, "waiting: journal"), "the clock's word", market)
+        held = market.client.control("status", homes=False)
+        assert held.state == "running"
+        assert market.client.control("status", homes=False).totals.slots == held.totals.slots
+        resource.prlimit(clock, resource.RLIMIT_FSIZE, (most, most))
+        until(said(market, "going on: slot"), "its going on", market)
+        goes_on_and_is_sound(market, str(market.journal))
+
+
+def test_a_market_that_waits_for_its_journal_can_be_ended() -> None:
+    with Market() as market:
+        market.start_agents(*AGENTS)
+        market.wait_for_slots(30)
+        away = market.journal.rename(market.journal.with_name("away.db"))
+        until(said(market, "waiting: journal"), "the clock's word", market)
+        market.processes["clock"].signal(signal.SIGTERM)
+        assert market.processes["clock"].end() == 1
+        assert "can be committed again when this is mended" in market.processes["clock"].said().splitlines()[-1]
+        away.rename(market.journal)
+        market.start_clock("--resume")
+        market.wait_for_slots(1, timeout_s=30)
+        goes_on_and_is_sound(market, str(market.journal))
+
+
+@pytest.mark.slow
+def test_a_database_that_goes_and_comes_back(postgres: Any) -> None:
+    place = postgres.url()
+    with Market(options=("--journal", place)) as market:
+        market.start_agents(*AGENTS)
+        for number in (1, 2):
+            market.wait_for_slots(30)
+            postgres.stop()
+            try:
+                until(said(market, "waiting: journal", number), "the clock's word", market)
+            finally:
+                postgres.start()
+            until(said(market, "going on: slot", number), "its going on", market)
+        goes_on_and_is_sound(market, place)
+
+
+def test_readers_of_other_processes_leave_the_clock_alone() -> None:
+    with Market() as market:
+        market.start_agents(*AGENTS)
+        market.wait_for_slots(5)
+        for _ in range(20):
+            with Journal.open(market.journal, read_only=True) as journal:
+                assert journal.run().last() is not None
+        goes_on_and_is_sound(market, str(market.journal))
+
+
+def test_old_days_go_while_the_market_runs() -> None:
+    with Market(options=("--keep-days", "2")) as market:
+        market.start_agents(*AGENTS)
+        market.wait_for_slot(24 * 6)
+        market.client.control("pause")
+
+        def pruned() -> bool:
+            with Journal.open(market.journal, read_only=True) as journal:
+                run = journal.run()
+                last = run.last()
+                return last is not None and run.records(limit=1)[0].day >= last.day - 2
+
+        until(pruned, "old days gone", market)
+        status = market.client.control("status")
+        assert status.totals.slots >= 24 * 6
+        market.processes["clock"].kill()
+        market.start_clock("--resume", "--paused")
+        until(lambda: answers(market), "the clock's second life", market)
+        again = market.client.control("status")
+        assert again.totals.slots == status.totals.slots
+        assert abs(again.totals.profit - status.totals.profit) < 1e-6
+        assert again.homes is not None
+        assert status.homes is not None
+        assert abs(again.homes.bill - status.homes.bill).max() < 1e-9
+        market.client.control("resume")
+        goes_on_and_is_sound(market, str(market.journal))
