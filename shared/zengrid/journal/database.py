@@ -71,7 +71,7 @@ class Database(Protocol):
         """What the database itself finds wrong with its pages; one line each."""
 
     def alone(self, runs: Sequence[tuple[int, str]]) -> AbstractContextManager[None]:
-        """Keep the writers of these runs away, where another process must not write beside them.
+        """Keep the writers of these runs away, where they would have to wait for another process.
 
         Raises
         ------

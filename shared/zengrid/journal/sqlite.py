@@ -11,7 +11,6 @@ from pathlib import Path
 
 from zengrid.errors import JournalError
 from zengrid.journal.database import Connection, Durability, Step, transact
-from zengrid.journal.guard import InUse
 from zengrid.journal.lock import FileLock
 from zengrid.journal.sqlite_statements import SQLITE
 
@@ -34,21 +33,21 @@ class SqliteDatabase:
     def __init__(self, path: Path, durability: Durability, *, read_only: bool) -> None:
         self.name = str(path)
         self.lasting = True
-        self.path = path.absolute()
+        self._path = path.absolute()
         self._inode: int | None = None
         self._mode = "ro" if read_only else "rwc"
         self._synchronous = "FULL" if durability == "full" else "NORMAL"
-        if read_only and not self.path.exists():
+        if read_only and not self._path.exists():
             raise JournalError(f"journal {path}: there is no such file")
-        if not self.path.parent.is_dir():
-            raise JournalError(f"journal {path}: there is no directory {self.path.parent}")
+        if not self._path.parent.is_dir():
+            raise JournalError(f"journal {path}: there is no directory {self._path.parent}")
 
     def connect(self) -> sqlite3.Connection:
         """Open the file; the first connection of a writer creates it."""
         # Reading beside a log needs an index file; where none can be made, and there is no log, the file is whole.
-        may_index = self._mode != "ro" or os.access(self.path.parent, os.W_OK)
-        self.lasting = may_index or Path(f"{self.path}-wal").exists()
-        uri = f"{self.path.as_uri()}?mode={self._mode}{'' if self.lasting else '&immutable=1'}"
+        may_index = self._mode != "ro" or os.access(self._path.parent, os.W_OK)
+        self.lasting = may_index or Path(f"{self._path}-wal").exists()
+        uri = f"{self._path.as_uri()}?mode={self._mode}{'' if self.lasting else '&immutable=1'}"
         # Each connection is used by one thread at a time: whoever holds it sees to that.
         connection = sqlite3.connect(uri, uri=True, timeout=BUSY_S, isolation_level=None, check_same_thread=False)
         connection.execute(f"PRAGMA synchronous={self._synchronous}")
@@ -57,11 +56,11 @@ class SqliteDatabase:
 
     def check_present(self) -> None:
         """SQLite goes on writing to a file that was deleted or replaced, where nobody would ever find it."""
-        found = os.stat(self.path).st_ino  # noqa: PTH116 - for every slot, and a third of the time of Path.stat
+        found = os.stat(self._path).st_ino  # noqa: PTH116 - for every slot, and a third of the time of Path.stat
         if self._inode is None:
             self._inode = found
         elif found != self._inode:
-            raise FileNotFoundError(f"{self.path} was replaced by another file")
+            raise FileNotFoundError(f"{self._path} was replaced by another file")
 
     def tables(self, connection: Connection) -> set[str]:
         """All tables of the file: it belongs to the journal alone."""
@@ -76,7 +75,7 @@ class SqliteDatabase:
 
     def writer(self, run_id: int, run_name: str) -> SqliteWriter:
         """Become the one writer of a run."""
-        lock = FileLock.take(Path(f"{self.path}-run{run_id}.lock"), f"journal {self.name}: run {run_name!r}")
+        lock = FileLock.take(Path(f"{self._path}-run{run_id}.lock"), f"journal {self.name}: run {run_name!r}")
         try:
             return SqliteWriter(self, lock)
         except BaseException:
@@ -90,10 +89,10 @@ class SqliteDatabase:
 
     @contextmanager
     def alone(self, runs: Sequence[tuple[int, str]]) -> Iterator[None]:
-        """Keep clocks from writing: in a process with Zenoh SQLite's own locks cannot be relied on, see ``guard``."""
+        """Keep clocks from writing: one would have to wait for each transaction of another process."""
         with ExitStack() as stack:
             for run_id, run_name in runs:
-                lock = FileLock.take(Path(f"{self.path}-run{run_id}.lock"), f"journal {self.name}: run {run_name!r}")
+                lock = FileLock.take(Path(f"{self._path}-run{run_id}.lock"), f"journal {self.name}: run {run_name!r}")
                 stack.callback(lock.release)
             yield
 
@@ -108,7 +107,7 @@ class SqliteDatabase:
 
     def size(self, connection: Connection) -> int:
         """The file and its log. [byte]"""
-        files = (self.path, Path(f"{self.path}-wal"))
+        files = (self._path, Path(f"{self._path}-wal"))
         return sum(path.stat().st_size for path in files if path.exists())
 
 
@@ -121,9 +120,6 @@ class SqliteWriter:
         self._lock = lock
         self._connection = database.connect()
         self._connection.execute(f"PRAGMA wal_autocheckpoint={LOG_PAGES_MAX}")
-        # A first look opens the log and its index, which are to be marked.
-        self._connection.execute("SELECT count(*) FROM zengrid_journal").fetchone()
-        self._in_use = InUse(database.path)
         self._checkpointer = _Checkpointer(database)
 
     def commit(self, steps: Sequence[Step]) -> None:
@@ -139,7 +135,6 @@ class SqliteWriter:
     def close(self) -> None:
         """Give the right back; what was not committed is undone."""
         self._checkpointer.close()
-        self._in_use.release()
         self._connection.close()
         self._lock.release()
 
