@@ -18,7 +18,7 @@ from zengrid.testing import Market
 AGENTS = ("p1", "p2", "p3")
 
 
-def until(condition: Callable[[], bool], missing: str, market: Market, timeout_s: float = 30.0) -> None:
+def until(condition: Callable[[], bool], missing: str, market: Market, timeout_s: float = 60.0) -> None:
     end = time.monotonic() + timeout_s
     while not condition():
         assert time.monotonic() < end, f"in vain: {missing}\n{market.said()}"
@@ -84,12 +84,14 @@ def test_a_market_that_waits_for_its_journal_can_be_ended() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(300)
 def test_a_database_that_goes_and_comes_back(postgres: Any) -> None:
     place = postgres.url()
     with Market(options=("--journal", place)) as market:
         market.start_agents(*AGENTS)
         for number in (1, 2):
-            market.wait_for_slots(30)
+            # What a PostgreSQL journal needs takes seconds to import on a busy machine.
+            market.wait_for_slots(30, timeout_s=60.0)
             postgres.stop()
             try:
                 until(said(market, "waiting: journal", number), "the clock's word", market)
