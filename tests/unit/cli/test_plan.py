@@ -65,12 +65,12 @@ def test_large_fleets_use_the_compact_encoding() -> None:
 
 def test_the_gateway_and_the_table() -> None:
     gateway = plan("--journal", "j.db").gateway(8081)
-    assert gateway.arguments[:3] == (ENDPOINT, "main", "zengrid_gateway")
-    wanted = understood(ProcessSpec("gateway", "zengrid_gateway", gateway.arguments[3:]))
+    assert gateway.arguments[0] == "zengrid_gateway"
+    wanted = understood(ProcessSpec("gateway", "zengrid_gateway", gateway.arguments[1:]))
     assert (wanted.port, wanted.connect, wanted.journal) == (8081, ENDPOINT, "j.db")
     spawner = plan().spawner()
-    assert spawner.arguments[:3] == (ENDPOINT, "main", "zengrid_spawner")
-    wanted = understood(ProcessSpec("spawner", "zengrid_spawner", spawner.arguments[3:]))
+    assert spawner.arguments[0] == "zengrid_spawner"
+    wanted = understood(ProcessSpec("spawner", "zengrid_spawner", spawner.arguments[1:]))
     assert (wanted.connect, wanted.logs) == (ENDPOINT, Path("runs/main"))
     top = import_module("zengrid_cli.top").parser().parse_args(plan().table("http://x", live=False).arguments)
     assert (top.plain, top.where, top.connect) == (True, "http://x", ENDPOINT)
