@@ -156,5 +156,3 @@ def test_a_sweep_on_a_ray_cluster_comes_to_the_same(tmp_path: Path) -> None:
     zengrid(*words, "--out", str(tmp_path / "here"), "--jobs", "2")
     here, there = (pd.read_csv(tmp_path / name / "table.csv") for name in ("here", "there"))
     pd.testing.assert_frame_equal(here, there)
-    said = zengrid(*words, "--out", str(tmp_path / "nowhere"), "--cluster", "127.0.0.1:1", code=1)
-    assert "cluster = 127.0.0.1:1: cannot be reached" in said
