@@ -23,7 +23,12 @@ def parser() -> argparse.ArgumentParser:
     it = argparse.ArgumentParser(prog="zengrid", description="Play one agent of a running market.")
     roles = it.add_subparsers(dest="role", required=True)
     prosumer = roles.add_parser("prosumer", help="command the battery of a home, or of several")
-    prosumer.add_argument("--id", required=True, help="name of the agent; a home it brings has the same name")
+    prosumer.add_argument(
+        "--id",
+        required=True,
+        help="name of the agent; a home it brings has the same name. auto: a home of the scenario that nobody plays; "
+        "where there is none, one that it brings, named after this machine",
+    )
     brought = prosumer.add_argument_group(
         "a home of its own (without these it plays the scenario's homes of that name)"
     )

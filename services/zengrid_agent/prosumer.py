@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from zengrid.bus.agent import AgentLink
+from zengrid.bus.names import machine_name
 from zengrid.core.observe import prosumer_features
 from zengrid.errors import PolicyError, ScenarioError
 from zengrid.policy import trained
@@ -25,6 +26,11 @@ from zengrid_agent.answers import policy_reply, slot_of
 from zengrid_agent.facts import market_facts
 from zengrid_agent.learning import Learning
 from zengrid_agent.session import AgentSession, new_instance, say
+
+AUTO = "auto"
+"""An id of nobody: whichever home is free."""
+NAME_MAX = 40
+"""Leaves room for what follows the name in ``instance``, and for a number where it is taken."""
 
 
 class Prosumer(AgentSession[FleetObservation]):
@@ -128,13 +134,18 @@ class Prosumer(AgentSession[FleetObservation]):
 
 def play(options: argparse.Namespace) -> None:
     """Take part until the market is over."""
+    vacancy = options.id == AUTO
+    if vacancy:
+        options.id = f"home-{machine_name()}"[:NAME_MAX].rstrip("-_")
     brings = options.pv is not None or options.battery is not None or options.home is not None
     wish = JoinRequest(
         agent=options.id,
         role="prosumer",
-        instance=new_instance(),
+        # By its name the clock knows a process again that takes whichever home is free.
+        instance=f"{options.id}.{new_instance()}" if vacancy else new_instance(),
         policy=options.policy,
         homes=(_home(options),) if brings else None,
+        vacancy=vacancy,
         observation=options.observation,
         encoding=options.encoding,
     )

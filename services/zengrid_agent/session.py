@@ -90,6 +90,10 @@ class AgentSession(ABC, Generic[Seen]):
     def join(self) -> None:
         """Take part in the market, or go on doing so under a new clock."""
         market = self.link.join(self.wish)
+        if self.wish.vacancy:
+            homes = self.wish.homes
+            mine = (homes[0].model_copy(update={"id": market.agent}),) if market.brought and homes else None
+            self.wish = self.wish.model_copy(update={"agent": market.agent, "homes": mine, "vacancy": False})
         try:
             self.welcome(market)
         except ZengridError:

@@ -33,6 +33,7 @@ COMMANDS = {
     "evaluate": Command("zengrid_cli.evaluate:main", "how good policies are, and how far from the best possible"),
     "reproduce": Command("zengrid_cli.reproduce:main", "every figure and number of the paper, from nothing"),
     "sweep": Command("zengrid_cli.sweep:main", "train over values and seeds, on all processors or a cluster"),
+    "health": Command("zengrid_cli.health:main", "whether the process here is connected to its market"),
     "scenario": Command("zengrid_cli.scenario:app", "show, check and export scenarios", typer=True),
     "prosumer": Command("zengrid_agent", "one prosumer agent, also in a market that runs already"),
     "grid": Command("zengrid_agent", "the grid agent"),

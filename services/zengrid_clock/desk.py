@@ -25,6 +25,7 @@ from zengrid.wire.requests import (
 from zengrid_clock.records import roster_record, settled_slot
 from zengrid_clock.roster import GRID, RESERVED, Agent
 from zengrid_clock.status import status
+from zengrid_clock.vacancy import vacancy
 
 if TYPE_CHECKING:
     from zengrid.journal import Roster as RosterRecord
@@ -82,6 +83,8 @@ class Desk:
             raise _No(
                 "invalid", f"agent = {wish.agent}, role = {wish.role}: the grid agent, and only it, is called grid"
             )
+        if wish.vacancy and wish.role == "prosumer":
+            wish = vacancy(self.clock, wish)
         agent = self.clock.roster.get(wish.agent)
         if agent is None:
             agent = self._admit(wish)
@@ -151,6 +154,8 @@ class Desk:
         return JoinReply(
             run=clock.hub.keys.run,
             scenario=scenario.name,
+            agent=agent.id,
+            brought=agent.brought,
             day=day,
             slot=slot,
             slots_per_day=scenario.slots_per_day,

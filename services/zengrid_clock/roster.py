@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
@@ -36,6 +38,8 @@ class Agent:
     """Whether its homes came with it (they leave with it) instead of from the scenario."""
     bringing: tuple[HomeSpec, ...] = ()
     instance: str | None = None
+    bound: float = -math.inf
+    """When a process joined that has not shown its token yet (monotonic clock)."""
     token: bool = False
     policy: str = ""
     observation: Literal["paper", "public"] = "public"
@@ -61,6 +65,7 @@ class Agent:
     def bind(self, wish: JoinRequest) -> None:
         """Let a process speak for this agent."""
         self.instance = wish.instance
+        self.bound = time.monotonic()
         self.policy = wish.policy
         self.observation = wish.observation
         self.encoding = wish.encoding

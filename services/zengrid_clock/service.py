@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import math
 import signal
 import sys
 import time
@@ -323,7 +324,9 @@ class Clock:
         if agent is None:
             return
         agent.token = event.kind == "alive"
-        if not agent.token and barrier is not None:
+        if agent.token:
+            agent.bound = -math.inf
+        elif barrier is not None:
             barrier.give_up(agent.id)
 
 

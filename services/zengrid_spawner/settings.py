@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import os
-import re
-import socket
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from zengrid.bus.keys import DEFAULT_RUN
+from zengrid.bus.names import machine_name
 from zengrid.bus.session import DEFAULT_ENDPOINT
 from zengrid.errors import PolicyError
 from zengrid.policy.registry import PROSUMER_POLICIES
 
 
 def default_name() -> str:
-    """This machine's name, as a key may hold it."""
-    name = re.sub(r"[^a-z0-9_-]+", "-", socket.gethostname().lower()).strip("-_")[:63]
-    return name or "spawner"
+    """This machine's name."""
+    return machine_name() or "spawner"
 
 
 def default_logs() -> Path:

@@ -71,17 +71,20 @@ class AgentLink:
         self._closed = threading.Event()
         self._token: zenoh.LivelinessToken | None = None
         try:
-            # The subscriber stands before the token says that this agent is ready: no first observation is lost. A
-            # channel, not a callback: an answer that waits for a dying link would hold up Zenoh's own threads.
-            self._observations = self._session.declare_subscriber(
-                self.keys.observation(agent), handlers.FifoChannel(BACKLOG)
-            )
-            self._action = self._session.declare_publisher(
-                self.keys.action(agent), congestion_control=zenoh.CongestionControl.BLOCK, express=True
-            )
+            self._declare()
         except BaseException:
             self._session.close()
             raise
+
+    def _declare(self) -> None:
+        # The subscriber stands before the token says that this agent is ready: no first observation is lost. A
+        # channel, not a callback: an answer that waits for a dying link would hold up Zenoh's own threads.
+        self._observations = self._session.declare_subscriber(
+            self.keys.observation(self.agent), handlers.FifoChannel(BACKLOG)
+        )
+        self._action = self._session.declare_publisher(
+            self.keys.action(self.agent), congestion_control=zenoh.CongestionControl.BLOCK, express=True
+        )
 
     def __enter__(self) -> Self:
         return self
@@ -97,17 +100,26 @@ class AgentLink:
         self._session.close()
 
     def join(self, wish: JoinRequest, timeout_s: float = 10.0) -> JoinReply:
-        """Take part; raises RefusedError with the clock's reason. Joining again with the same instance is harmless."""
+        """Take part; raises RefusedError with the clock's reason. Joining again with the same instance is harmless.
+
+        Whoever asks for a vacancy is the agent that the reply names from then on.
+        """
         self._await_clock()
         until = time.monotonic() + timeout_s
         while True:
             try:
-                return request(self._session, self.keys.join(self.agent), wish, JoinReply, ATTEMPT_S)
+                market = request(self._session, self.keys.join(self.agent), wish, JoinReply, ATTEMPT_S)
+                break
             except BusError:
                 # After a link was lost the clock's token can be back before its questions are: ask again.
                 if time.monotonic() > until:
                     raise
                 self._closed.wait(RETRY_S)
+        if market.agent != self.agent:
+            # No observation is sent before the token is there: nothing can be missed.
+            self.agent = market.agent
+            self._declare()
+        return market
 
     def _await_clock(self) -> None:
         """Wait for the clock's token: a clock listens for a while before it answers, and asking then finds nobody."""

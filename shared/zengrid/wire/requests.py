@@ -33,6 +33,11 @@ class JoinRequest(Message):
     homes: tuple[HomeSpec, ...] | None = Field(
         default=None, description="Homes to add; null takes over the homes that the scenario gives this agent."
     )
+    vacancy: bool = Field(
+        default=False,
+        description="Play an agent of the scenario that no process plays, whichever it is; where there is none, bring "
+        "`homes` (one at most) under the name `agent`, or that name with a number. The reply tells which it is.",
+    )
     observation: Literal["paper", "public"] = "public"
     encoding: Literal["json", "binary"] = "json"
 
@@ -58,6 +63,8 @@ class JoinReply(Message):
 
     run: RunName
     scenario: str
+    agent: AgentId
+    brought: bool = Field(description="Whether its homes came with it, and leave with it; otherwise they stay.")
     day: int
     slot: int
     slots_per_day: int

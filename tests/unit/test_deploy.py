@@ -1,0 +1,118 @@
+"""What is shipped for operators fits together: manifests follow their schemas, the board asks for metrics that exist."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import kubernetes_validate
+import prometheus_client
+import pytest
+import yaml
+from support.statuses import status
+from zengrid_cli.health import connected
+from zengrid_gateway.metrics import MarketCollector, Metrics
+
+ROOT = Path(__file__).parents[2]
+DEPLOY = ROOT / "deploy"
+MANIFESTS = [part for part in yaml.safe_load_all((DEPLOY / "kubernetes" / "zengrid.yaml").read_text()) if part]
+PODS = [part["spec"]["template"]["spec"] for part in MANIFESTS if part["kind"] in ("StatefulSet", "Deployment")]
+
+
+@pytest.mark.parametrize("manifest", MANIFESTS, ids=lambda part: f"{part['kind']}-{part['metadata']['name']}")
+def test_manifests_follow_the_schemas_of_kubernetes(manifest: dict[str, Any]) -> None:
+    kubernetes_validate.validate(manifest, "1.33", strict=True)
+
+
+def test_the_schemas_find_a_mistake() -> None:
+    wrong = {**MANIFESTS[0], "metadata": {"name": "zengrid", "lables": {}}}
+    with pytest.raises(kubernetes_validate.ValidationError):
+        kubernetes_validate.validate(wrong, "1.33", strict=True)
+
+
+def test_pods_are_locked_and_their_options_are_those_of_the_commands() -> None:
+    assert len(PODS) == 4
+    for pod in PODS:
+        assert pod["securityContext"]["runAsNonRoot"]
+        (container,) = pod["containers"]
+        assert container["securityContext"]["readOnlyRootFilesystem"]
+        assert container["securityContext"]["capabilities"] == {"drop": ["ALL"]}
+        assert {"readinessProbe", "startupProbe"} & set(container)
+        parse(container["args"])
+
+
+def test_commands_of_the_compose_file_are_understood() -> None:
+    services = yaml.safe_load((ROOT / "docker-compose.yml").read_text())["services"]
+    ours = {name: service for name, service in services.items() if "zengrid" in str(service["image"])}
+    assert set(ours) == {"clock", "grid", "prosumer", "spawner", "gateway"}
+    for service in ours.values():
+        parse(re.sub(r"\$\{\w+:-([^}]*)\}", r"\1", service["command"]).split())
+        assert service["read_only"]
+        assert service["healthcheck"]
+
+
+def parse(words: list[str]) -> None:
+    """Fails where the command of that name does not take these options."""
+    from zengrid_agent.__main__ import parser as agent
+    from zengrid_clock.__main__ import parser as clock
+    from zengrid_gateway.__main__ import parser as gateway
+    from zengrid_spawner.__main__ import parser as spawner
+
+    if words[0] in ("grid", "prosumer"):
+        agent().parse_args(words)
+    else:
+        {"clock": clock, "gateway": gateway, "spawner": spawner}[words[0]]().parse_args(words[1:])
+
+
+def test_the_board_and_the_alerts_ask_for_metrics_that_exist() -> None:
+    board = json.loads((DEPLOY / "grafana" / "zengrid.json").read_text())
+    alerts = yaml.safe_load((DEPLOY / "prometheus" / "alerts.yml").read_text())
+    asked = [target["expr"] for panel in board["panels"] for target in panel["targets"]]
+    asked += [rule["expr"] for group in alerts["groups"] for rule in group["rules"]]
+    names = {name for text in asked for name in re.findall(r"\bzengrid_\w+", text)}
+    assert len(names) > 15
+    assert names - existing_metrics() == set()
+
+
+def existing_metrics() -> set[str]:
+    """The names of all series that ``/metrics`` can have."""
+    feed = SimpleNamespace(present=True, latest=object(), latest_at=0.0)
+    link = cast("Any", SimpleNamespace(feed=feed, status=status()))
+    frames = cast("Any", SimpleNamespace(clients=0))
+    registry = prometheus_client.CollectorRegistry()
+    registry.register(MarketCollector(link, frames))
+    metrics = Metrics(link, frames)
+    metrics.answered("/v1/price", 200, 0.001)
+    text = prometheus_client.generate_latest(registry).decode() + metrics.text().decode()
+    return set(re.findall(r"^(\w+)", text, flags=re.MULTILINE)) | set(re.findall(r"# TYPE (\w+)", text))
+
+
+def test_prometheus_and_grafana_find_each_other() -> None:
+    services = yaml.safe_load((ROOT / "docker-compose.yml").read_text())["services"]
+    scrape = yaml.safe_load((DEPLOY / "prometheus" / "prometheus.yml").read_text())["scrape_configs"][0]
+    host, port = scrape["static_configs"][0]["targets"][0].split(":")
+    assert services[host]["ports"][0].endswith(f":{port}")
+    source = yaml.safe_load((DEPLOY / "grafana" / "provisioning" / "datasources" / "prometheus.yml").read_text())
+    assert source["datasources"][0]["url"].removeprefix("http://").partition(":")[0] in services
+    for name in ("prometheus", "grafana"):
+        for volume in services[name]["volumes"]:
+            path = volume.partition(":")[0]
+            assert not path.startswith("./") or (ROOT / path).exists(), path
+
+
+def test_health_knows_a_connection_from_a_listener() -> None:
+    listens = "0: 0100007F:1D17 00000000:0000 0A 00000000:00000000"
+    holds = "1: 0200140A:D2F4 0300140A:1D17 01 00000000:00000000"
+    assert not connected([listens], 7447)
+    assert connected([listens, holds], 7447)
+    assert not connected([holds], 7448)
+
+
+def test_the_image_installs_all_that_services_need() -> None:
+    """What the market's image leaves out is loaded by no service: its builder imports them all, see warm.py."""
+    warm = (DEPLOY / "docker" / "warm.py").read_text()
+    for service in ("clock", "agent", "gateway", "spawner"):
+        assert f'"zengrid_{service}.' in warm
