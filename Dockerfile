@@ -31,7 +31,7 @@ RUN $PIP --no-deps . && /opt/zengrid/bin/python deploy/docker/warm.py
 FROM ${BASE}
 # The same numbers everywhere, so that a volume keeps its owner.
 RUN groupadd --gid 10001 zengrid && useradd --uid 10001 --gid 10001 --create-home --home-dir /home/zengrid zengrid \
-    && mkdir /data && chown zengrid:zengrid /data
+    && mkdir /data /tokens && chown zengrid:zengrid /data /tokens
 ENV PATH=/opt/zengrid/bin:$PATH \
     PYTHONUNBUFFERED=1 \
     PYTHONDONTWRITEBYTECODE=1 \

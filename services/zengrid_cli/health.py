@@ -16,8 +16,8 @@ def main(arguments: Sequence[str]) -> int:
     """Exit code 0 where there is a connection to the clock's port, 1 where there is none."""
     it = argparse.ArgumentParser(
         prog="zengrid health",
-        description="Whether a process on this machine, or in this container, is connected to the market. Loads nothing "
-        "and sends nothing, so that it can be asked every few seconds.",
+        description="Whether a process on this machine, or in this container, is connected to the market. Loads "
+        "nothing and sends nothing, so that it can be asked every few seconds.",
     )
     it.add_argument(
         "--connect",

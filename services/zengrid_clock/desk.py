@@ -84,6 +84,8 @@ class Desk:
                 "invalid", f"agent = {wish.agent}, role = {wish.role}: the grid agent, and only it, is called grid"
             )
         if wish.vacancy and wish.role == "prosumer":
+            if self.clock.hub.agents:
+                raise _No("invalid", "vacancy = true: with certificates a process plays the agent that its own names")
             wish = vacancy(self.clock, wish)
         agent = self.clock.roster.get(wish.agent)
         if agent is None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 import subprocess
+import sys
 import time
 import urllib.error
 import urllib.request
@@ -12,9 +13,9 @@ from pathlib import Path
 
 import pytest
 import yaml
+
 from support.engines import CERTIFICATES, NoEngine, base_image, compose_commands, engine
 from support.stacks import ROOT, Stack
-
 from zengrid.journal import Journal
 from zengrid.journal.audit import audit
 
@@ -68,7 +69,7 @@ def test_every_compose_takes_the_file_with_each_profile(docker: dict[str, str], 
 def test_the_image_is_small_and_nobody_in_it_is_root(docker: dict[str, str]) -> None:
     stack = Stack([], docker)
     megabytes = int(stack.docker("image", "inspect", "--format", "{{.Size}}", IMAGE)) / 1e6
-    print(f"image: {megabytes:.0f} MB")
+    sys.stdout.write(f"image: {megabytes:.0f} MB\n")
     assert megabytes < LARGEST_MB
     user = stack.docker("run", "--rm", "--network", "none", "--entrypoint", "id", IMAGE, "-u")
     assert user.strip() == "10001"
@@ -81,7 +82,7 @@ def test_a_market_of_containers_outlives_each_of_them(
         began = time.monotonic()
         stack.run("up", "--detach", "--no-build")
         price = stack.wait(lambda: stack.get("/v1/price"), "a price by HTTP")
-        print(f"from nothing to a price: {time.monotonic() - began:.1f} s")
+        sys.stdout.write(f"from nothing to a price: {time.monotonic() - began:.1f} s\n")
         assert price["buy_price"] == 0.05
         assert set(stack.wait_for_agents(3)) == {"p1", "p2", "p3"}
 

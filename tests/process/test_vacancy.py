@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import signal
 
+import pytest
+
 from zengrid.journal import Journal
 from zengrid.journal.audit import audit
 from zengrid.testing import Market
@@ -11,6 +13,7 @@ from zengrid.testing import Market
 OWN = ("--pv", "4", "--battery", "8")
 
 
+@pytest.mark.slow
 def test_three_take_the_homes_of_the_scenario_the_fourth_brings_its_own_and_a_restarted_one_is_back() -> None:
     with Market("paper") as market:
         market.start_agents()

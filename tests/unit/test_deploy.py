@@ -1,4 +1,4 @@
-"""What is shipped for operators fits together: manifests follow their schemas, the board asks for metrics that exist."""
+"""What is shipped for operators fits together: manifests follow their schemas, the board asks for real metrics."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import kubernetes_validate
 import prometheus_client
 import pytest
 import yaml
+
 from support.statuses import status
 from zengrid_cli.health import connected
 from zengrid_gateway.metrics import MarketCollector, Metrics
