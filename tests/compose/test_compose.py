@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sqlite3
 import subprocess
 import sys
@@ -14,13 +15,15 @@ from pathlib import Path
 import pytest
 import yaml
 
-from support.engines import CERTIFICATES, NoEngine, base_image, compose_commands, engine
+from support.engines import CERTIFICATES, OFFICIAL, NoEngine, base_image, compose_commands, engine
 from support.stacks import ROOT, Stack
 from zengrid.journal import Journal
 from zengrid.journal.audit import audit
 
 pytestmark = [pytest.mark.compose]
-IMAGE = "zengrid:test"
+BUILT = os.environ.get("ZENGRID_TEST_IMAGE")
+"""An image to test instead of building one."""
+IMAGE = BUILT or "zengrid:test"
 LARGEST_MB = 400
 PROFILES = ("postgres", "router", "observability")
 
@@ -30,15 +33,20 @@ def docker() -> Iterator[dict[str, str]]:
     """The environment in which docker finds its daemon, and Compose the image."""
     try:
         with engine() as environment:
-            base = base_image(environment)
-            build = ["docker", "build", "--network", "host", "--build-arg", f"BASE={base}", "--tag", IMAGE]
-            if CERTIFICATES.exists():
-                build += ["--build-arg", f"PIP_CERT={CERTIFICATES}"]
-            stack = Stack([], {**environment, "DOCKER_BUILDKIT": "0"})
-            stack._call([*build, str(ROOT)])
-            yield {**environment, "ZENGRID_IMAGE": IMAGE, "ZENGRID_BASE": base}
+            if BUILT is None:
+                build(environment)
+            yield {**environment, "ZENGRID_IMAGE": IMAGE}
     except NoEngine as reason:
         pytest.skip(str(reason))
+
+
+def build(environment: dict[str, str]) -> None:
+    """Build the image, in a way that old and new builders know."""
+    base = base_image(environment)
+    words = ["build", "--network", "host", "--build-arg", f"BASE={base}", "--tag", IMAGE]
+    if CERTIFICATES.exists() and base != OFFICIAL:
+        words += ["--build-arg", f"PIP_CERT={CERTIFICATES}"]
+    Stack([], {**environment, "DOCKER_BUILDKIT": "0"}).docker(*words, str(ROOT))
 
 
 @pytest.fixture(scope="module")
