@@ -128,7 +128,7 @@ def check_access(stack: Stack) -> None:
     url = f"http://127.0.0.1:{stack.port}/v1/control"
     for headers, wanted in (({}, 401), ({"Authorization": f"Bearer {token}"}, 200)):
         asked = urllib.request.Request(
-            url, b'{"command": "status"}', {"Content-Type": "application/json", **headers}, method="POST"
+            url, b'{"command": "resume"}', {"Content-Type": "application/json", **headers}, method="POST"
         )
         try:
             with urllib.request.urlopen(asked, timeout=20) as answer:
