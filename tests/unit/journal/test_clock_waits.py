@@ -6,9 +6,6 @@ import resource
 import signal
 import time
 from collections.abc import Callable
-from typing import Any
-
-import pytest
 
 from zengrid.errors import ZengridError
 from zengrid.journal import Journal
@@ -81,24 +78,6 @@ def test_a_market_that_waits_for_its_journal_can_be_ended() -> None:
         market.start_clock("--resume")
         market.wait_for_slots(1, timeout_s=30)
         goes_on_and_is_sound(market, str(market.journal))
-
-
-@pytest.mark.slow
-@pytest.mark.timeout(300)
-def test_a_database_that_goes_and_comes_back(postgres: Any) -> None:
-    place = postgres.url()
-    with Market(options=("--journal", place)) as market:
-        market.start_agents(*AGENTS)
-        for number in (1, 2):
-            # What a PostgreSQL journal needs takes seconds to import on a busy machine.
-            market.wait_for_slots(30, timeout_s=60.0)
-            postgres.stop()
-            try:
-                until(said(market, "waiting: journal", number), "the clock's word", market)
-            finally:
-                postgres.start()
-            until(said(market, "going on: slot", number), "its going on", market)
-        goes_on_and_is_sound(market, place)
 
 
 def test_readers_of_other_processes_leave_the_clock_alone() -> None:
