@@ -25,7 +25,7 @@ BUILT = os.environ.get("ZENGRID_TEST_IMAGE")
 """An image to test instead of building one."""
 IMAGE = BUILT or "zengrid:test"
 LARGEST_MB = 400
-PROFILES = ("postgres", "router", "observability")
+PROFILES = ("postgres", "router", "observability", "secure")
 
 
 @pytest.fixture(scope="module")
@@ -71,6 +71,9 @@ def test_every_compose_takes_the_file_with_each_profile(docker: dict[str, str], 
             elif profile == "router":
                 assert services["grid"]["environment"]["ZENGRID_CONNECT"] == "tcp/router:7447"
                 assert services["clock"]["environment"]["ZENGRID_CONNECT"] == "tcp/127.0.0.1:7447"
+            elif profile == "secure":
+                assert services["gateway"]["environment"]["ZENGRID_CERTS"] == "/certs"
+                assert set(services["p1"]["depends_on"]) == {"certs", "clock"}
             assert set(services) >= {"clock", "grid", "prosumer", "spawner", "gateway"}
 
 

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -14,6 +18,9 @@ import pytest
 import yaml
 
 from support.statuses import status
+from zengrid.bus.access import Names
+from zengrid.bus.certificates import hosts_of, read_certificate
+from zengrid.bus.credentials import Credentials
 from zengrid_cli.health import connected
 from zengrid_gateway.metrics import MarketCollector, Metrics
 
@@ -117,3 +124,77 @@ def test_the_image_installs_all_that_services_need() -> None:
     warm = (DEPLOY / "docker" / "warm.py").read_text()
     for service in ("clock", "agent", "gateway", "spawner"):
         assert f'"zengrid_{service}.' in warm
+
+
+def test_with_certificates_each_service_sees_its_own_alone(tmp_path: Path) -> None:
+    """The script that hands certificates out, really run: what each volume holds is enough, and no more."""
+    secure = yaml.safe_load((DEPLOY / "compose" / "secure.yml").read_text())
+    base = yaml.safe_load((ROOT / "docker-compose.yml").read_text())
+    assert secure["x-zengrid"] == base["x-zengrid"]
+    services = secure["services"]
+    assert set(services) == {"certs", "clock", "grid", "prosumer", "p1", "p2", "p3", "spawner", "gateway"}
+    assert services["prosumer"] == {"scale": 0}
+
+    hand_out(tmp_path)
+    first = {path: path.read_bytes() for path in tmp_path.rglob("*.key")}
+    hand_out(tmp_path, "--ids", "school")
+    assert {path: path.read_bytes() for path in first} == first, "a second run has replaced keys"
+    handed = {volume: tmp_path / Path(path).name for volume, path in map(mount, services["certs"]["volumes"][1:])}
+    assert set(handed) == set(secure["volumes"])
+    assert set(handed.values()) == set(tmp_path.iterdir())
+
+    keys: dict[str, set[str]] = {}
+    for name in set(services) - {"certs", "prosumer"}:
+        service = services[name]
+        assert service["environment"]["ZENGRID_CERTS"] == "/certs"
+        assert service["depends_on"]["certs"] == {"condition": "service_completed_successfully"}
+        ((volume, path),) = map(mount, service["volumes"])
+        assert path == "/certs"
+        folder = handed[volume]
+        assert all(file.stat().st_mode & 0o777 == 0o600 for file in folder.iterdir())
+        keys[name] = {path.stem for path in folder.glob("*.key")}
+        for key in keys[name]:
+            Credentials(folder, key)
+        command = service.get("command")
+        if command is not None:
+            words = re.sub(r"\$\{\w+:-([^}]*)\}", r"\1", command).split()
+            parse(words)
+            assert words[:3] == ["prosumer", "--id", name]
+    agents = Names.load(tmp_path / "clock").agents
+    assert len(agents) == 25
+    assert keys.pop("clock") == {"clock", "operator"}
+    assert keys.pop("spawner") == {"spawner", *agents} - {"grid", "p1", "p2", "p3"}
+    assert keys == {name: {name} for name in ("gateway", "grid", "p1", "p2", "p3")}
+    assert "clock" in hosts_of(read_certificate(tmp_path / "clock" / "clock.pem"))
+
+
+def hand_out(folder: Path, *words: str) -> None:
+    """Run the script as the container does, in another folder and for whoever runs the tests."""
+    environment = {
+        **os.environ,
+        "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
+        "ZENGRID_CERTS_OUT": str(folder),
+        "ZENGRID_CERTS_OWNER": f"{os.getuid()}:{os.getgid()}",
+    }
+    subprocess.run(["sh", str(DEPLOY / "compose" / "certs.sh"), *words], env=environment, check=True)
+
+
+def mount(text: str) -> tuple[str, str]:
+    """A volume and where it is, from Compose's short form."""
+    volume, path = text.split(":")[:2]
+    return volume, path
+
+
+@pytest.mark.skipif(shutil.which("docker-compose") is None, reason="there is no docker-compose")
+def test_compose_reads_the_file_with_certificates() -> None:
+    command = ["docker-compose", "--env-file", "deploy/compose/secure.env", "config"]
+    printed = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout
+    services = yaml.safe_load(printed)["services"]
+    assert services["prosumer"]["scale"] == 0
+    assert services["clock"]["environment"] == {
+        "ZENGRID_RUN": "main",
+        "ZENGRID_CONNECT": "tcp/127.0.0.1:7447",
+        "ZENGRID_CERTS": "/certs",
+    }
+    assert set(services["p2"]["depends_on"]) == {"certs", "clock"}
+    assert {"tokens:/tokens:rw", "certs-gateway:/certs:ro"} <= set(services["gateway"]["volumes"])
