@@ -45,7 +45,11 @@ def parser() -> argparse.ArgumentParser:
         help="battery sizes (default: 2,4,6,8,10,12,15,20,25)",
     )  # fmt: skip
     it.add_argument("--days", type=parse_count, metavar="N", help="held-out days (default: 64)")
-    it.add_argument("--preset", default="fast", help="fast, or paper: as the authors print it (default: %(default)s)")
+    it.add_argument(
+        "--preset", default="fast",
+        help="fast; thorough: four times as long, near an equilibrium; paper: as the authors print it "
+        "(default: %(default)s)",
+    )  # fmt: skip
     it.add_argument(
         "--set", action="append", metavar="NAME=VALUE", dest="changes", help="one learning setting, such as steps=9000"
     )

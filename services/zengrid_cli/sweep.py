@@ -48,7 +48,11 @@ def parser() -> argparse.ArgumentParser:
         "--set", action="append", default=[], metavar="PATH=VALUE", dest="changes",
         help="one field or setting that is the same for all, such as steps=9000 or soc_reset=never",
     )  # fmt: skip
-    it.add_argument("--preset", default="fast", help="fast, or paper: as the authors print it (default: %(default)s)")
+    it.add_argument(
+        "--preset", default="fast",
+        help="fast; thorough: four times as long, near an equilibrium; paper: as the authors print it "
+        "(default: %(default)s)",
+    )  # fmt: skip
     it.add_argument("--observation", choices=["public", "paper"], default="public", help="what agents see")
     it.add_argument("--days", type=parse_count, default=64, metavar="N", help="held-out days (default: %(default)s)")
     it.add_argument("--leader", action="store_true", help="also search for the leader reference of every scenario")

@@ -32,7 +32,7 @@ def status(clock: Clock, *, homes: bool) -> Status:
         slots_per_s=clock.latencies.slots_per_s(time.perf_counter()),
         last=None if record is None else settled_slot(clock, record, homes=False),
         totals=_totals(clock),
-        refused=dict(clock.refused),
+        refused={**clock.refused, **clock.hub.overflowed},
         latency=clock.latencies.summary(),
         agents=tuple(
             AgentStatus(

@@ -7,6 +7,7 @@ from collections import Counter, deque
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from threading import Lock
 from types import TracebackType
 from typing import Any, Literal, NamedTuple, Self
 
@@ -24,6 +25,10 @@ from zengrid.wire.requests import Refusal, RefusalReason
 
 INBOX_LIMIT = 4096
 """Most actions waiting for the clock; beyond it Zenoh holds back whoever sends more."""
+QUESTIONS_LIMIT = 4096
+"""Most questions waiting for the clock; whoever asks beyond it is told so at once, and may ask again."""
+NOTICES_LIMIT = 65_536
+"""Most waiting in all. Up to here agents that came or went have room, since Zenoh says it once only."""
 _WAKE = "clock"
 """The clock puts a message to itself under this agent's name to wake up; no agent may have it."""
 
@@ -71,10 +76,13 @@ class Hub:
         self.keys = Keys(run)
         self.agents = frozenset(() if certs is None else Names.load(certs).agents)
         """Who can take part where certificates are needed; empty where anybody can."""
+        self.overflowed: Counter[str] = Counter()
+        """What found no room in the queue, by cause such as ``join_overflow``."""
         self._others: deque[tuple[EventKind, Any]] = deque()
         self._observation: dict[str, zenoh.Publisher] = {}
         self._latest = b""
         self._links: Counter[str] = Counter()
+        self._handing = Lock()
         self._session = open_clock(run, endpoint, certs=certs, insecure=insecure)
         try:
             self._declare()
@@ -126,8 +134,7 @@ class Hub:
         came = event.kind == zenoh.SampleKind.PUT
         self._links[name] += 1 if came else -1
         if came and self._links[name] > 1:
-            self._others.append(("twin", name))
-            self._wake()
+            self._hand_over("twin", name)
 
     def announce(self) -> None:
         """Show that the clock is ready: agents join (again) when they see this token."""
@@ -135,11 +142,25 @@ class Hub:
 
     def _direct(self, kind: EventKind) -> handlers.Callback[Any]:
         def arrived(item: Any) -> None:
-            # Runs on Zenoh's receiving thread: hand over, decide nothing.
-            self._others.append((kind, item))
-            self._wake()
+            self._hand_over(kind, item)
 
         return handlers.Callback(arrived, indirect=False)
+
+    def _hand_over(self, kind: EventKind, item: Any) -> None:
+        # Runs on Zenoh's receiving threads: decides nothing but whether there is room.
+        question = isinstance(item, zenoh.Query)
+        with self._handing:
+            room = len(self._others) < (QUESTIONS_LIMIT if question else NOTICES_LIMIT)
+            if room:
+                self._others.append((kind, item))
+            else:
+                self.overflowed[f"{kind}_overflow"] += 1
+            # Who reads goes on until nothing is left: only the first needs to wake it, and the channel stays free.
+            first = room and len(self._others) == 1
+        if first:
+            self._wake()
+        elif question and not room:
+            Query(item).refuse("unavailable", f"{QUESTIONS_LIMIT} questions are waiting for the clock; ask again later")
 
     def _wake(self) -> None:
         # What happens while the session closes need not wake anyone.

@@ -98,8 +98,17 @@ def sky_file(site: Site, dates: Sequence[tuple[int, int]] | None) -> str:
 
 def compute_clear_sky(site: Site, dates: Sequence[tuple[int, int]], *, standard_time: bool) -> Floats:
     """``clear_sky`` by pvlib: NREL's solar position; Ineichen's clear sky with the turbidity of place and month."""
-    import pandas as pd
-    import pvlib
+    try:
+        import pandas as pd
+        import pvlib
+    except ModuleNotFoundError as error:
+        missing = (error.name or "").partition(".")[0]
+        if missing not in ("pandas", "pvlib", "scipy"):
+            raise
+        raise ScenarioError(
+            f"site: {missing} is not installed; needed for the sun of a new site: pip install pandas pvlib scipy, "
+            "or in containers the large image: docker build --build-arg IMAGE=learn --tag zengrid:learn ."
+        ) from None
 
     from zengrid.scenario.readers.stamps import zone
 
