@@ -66,7 +66,7 @@ def main(arguments: Sequence[str]) -> int:
 
 def case_study(scenario: Scenario) -> Trained:
     """The agents of the paper's market: several seeds, of which the best on days set apart is taken."""
-    plan = Plan((scenario,) * len(SEEDS), SEEDS, Settings.preset("fast"), "public", COMMAND)
+    plan = Plan((scenario,) * len(SEEDS), SEEDS, Settings.preset("thorough"), "public", COMMAND)
     with tempfile.TemporaryDirectory() as name:
         run = Run(Path(name), plan)
         run.go(lambda report: say(f"case study: step {report.step} of {report.steps}"))
@@ -76,7 +76,7 @@ def case_study(scenario: Scenario) -> Trained:
 def best_of(run: Run) -> Trained:
     """The policies of the best seed, as the package has them."""
     scenario = run.plan.scenarios[0]
-    gains = [-np.inf if best is None else best.joint_gain for best in run.best]
+    gains = [-np.inf if best is None else best.settled_gain for best in run.best]
     place = int(np.argmax(gains))
     grid, prosumers = (
         PolicyFile.load(run.folder / f"best-{run.names(place)}-{part}.safetensors") for part in Trained._fields
