@@ -52,7 +52,7 @@ NEEDS = {
     "my-market.yaml": "a file of the reader's",
     "market-1": "a run of the reader's",
 }
-ENDS_S = 30.0
+ENDS_S = 120.0
 LEARNS_S = 600.0
 """For what trains, or searches for a leader reference."""
 SLOTS = 1_000
