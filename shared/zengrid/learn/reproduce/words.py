@@ -66,6 +66,7 @@ TABLE = (
 )
 
 FLAT = (
-    "The smallest of the trained sizes from which on the curve stays near its value at the largest: within 5 % of its "
-    "whole change. The paper says that its curves slow down at about 15 kWh, and has none for reserve energy."
+    "The smallest of the trained sizes from which on the curve stays near its value at the largest: within 10 % of its "
+    "whole change, about as much as seeds differ. Ours is the curve in the middle of the seeds, with the range of "
+    "single seeds. The paper says that its curves slow down at about 15 kWh, and has none for reserve energy."
 )
