@@ -9,6 +9,7 @@ import sys
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices here are small: threads only cost memory and time
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # looking for plugins takes longer than all our messages
 
+from zengrid import logs
 from zengrid.bus.options import add_bus_options
 from zengrid.errors import ZengridError
 from zengrid_agent.learning import add_learning_options
@@ -72,12 +73,14 @@ def parser() -> argparse.ArgumentParser:
         )
         add_learning_options(role)
         add_bus_options(role)
+        logs.add_log_options(role)
     return it
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Play an agent until its market is over."""
     options = parser().parse_args(arguments)
+    logs.begin(options.role, options, prefix="", run=options.run)
     if options.policy is None:
         options.policy = RULES[options.role] if options.learn else TRAINED
     try:
@@ -87,7 +90,7 @@ def main(arguments: list[str] | None = None) -> int:
             from zengrid_agent.prosumer import play
         play(options)
     except ZengridError as error:
-        sys.stderr.write(f"zengrid {options.role}: {error}\n")
+        logs.fail(error)
         return 1
     return 0
 

@@ -18,7 +18,7 @@ from zengrid.wire.slots import GridAction, GridObservation
 from zengrid_agent.answers import policy_reply, slot_of
 from zengrid_agent.facts import market_facts
 from zengrid_agent.learning import Learning
-from zengrid_agent.session import AgentSession, new_instance, say
+from zengrid_agent.session import AgentSession, new_instance
 
 
 class Grid(AgentSession[GridObservation]):
@@ -38,9 +38,9 @@ class Grid(AgentSession[GridObservation]):
             self._levels = np.array(market.buy_prices)
             self._policy = make_grid_policy(self.wish.policy, self._facts)
             if self._learning is not None:
-                say(self._learning.begin(self._facts, self.wish.policy))
+                self.say(self._learning.begin(self._facts, self.wish.policy))
             elif self.wish.policy == "trained":
-                say(f"grid plays {trained.for_grid(self._facts).why}")
+                self.say(f"grid plays {trained.for_grid(self._facts).why}")
 
     def act(self, seen: GridObservation) -> GridAction:
         """Set the price."""

@@ -25,7 +25,7 @@ from zengrid.wire.slots import FleetAction, FleetObservation
 from zengrid_agent.answers import policy_reply, slot_of
 from zengrid_agent.facts import market_facts
 from zengrid_agent.learning import Learning
-from zengrid_agent.session import AgentSession, new_instance, say
+from zengrid_agent.session import AgentSession, new_instance
 
 AUTO = "auto"
 """An id of nobody: whichever home is free."""
@@ -53,9 +53,9 @@ class Prosumer(AgentSession[FleetObservation]):
         self._dt_h, self._homes = facts.dt_h, facts.homes
         self._policy = make_prosumer_policy(self.wish.policy, facts)
         if self._learning is not None:
-            say(self._learning.begin(facts, self.wish.policy))
+            self.say(self._learning.begin(facts, self.wish.policy))
         elif self.wish.policy == "trained":
-            say(f"{self.wish.agent} plays {trained.for_prosumer(facts).why}")
+            self.say(f"{self.wish.agent} plays {trained.for_prosumer(facts).why}")
         self._market = market
 
     def _foresight(self, market: JoinReply) -> Foresight:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import gc
 import secrets
 import signal
-import sys
 from abc import ABC, abstractmethod
 from types import FrameType
 from typing import Generic, TypeVar
 
+from zengrid import logs
 from zengrid.bus.agent import AgentLink
 from zengrid.errors import ZengridError
 from zengrid.wire.codec import decode, encode
@@ -42,6 +42,8 @@ class AgentSession(ABC, Generic[Seen]):
         self._clock_seen = False
         self._busy = self._stopping = False
         self._refused: ZengridError | None = None
+        self._last: JoinReply | Seen | None = None
+        """What last told day and slot."""
 
     @abstractmethod
     def welcome(self, market: JoinReply) -> None:
@@ -89,7 +91,7 @@ class AgentSession(ABC, Generic[Seen]):
 
     def join(self) -> None:
         """Take part in the market, or go on doing so under a new clock."""
-        market = self.link.join(self.wish)
+        self._last = market = self.link.join(self.wish)
         if self.wish.vacancy:
             homes = self.wish.homes
             mine = (homes[0].model_copy(update={"id": market.agent}),) if market.brought and homes else None
@@ -102,13 +104,19 @@ class AgentSession(ABC, Generic[Seen]):
             raise
         self.link.ready()
         since = f"day {market.day}, slot {market.slot}"
-        say(f"{self.wish.agent} takes part in {market.run} ({market.scenario}) from {since} on")
+        self.say(f"{self.wish.agent} takes part in {market.run} ({market.scenario}) from {since} on")
+
+    def say(self, text: str, level: logs.Level = "info") -> None:
+        """One line for whoever started this process."""
+        at = {} if self._last is None else {"day": self._last.day, "slot": self._last.slot}
+        logs.say(text, level, agent=self.wish.agent, **at)
 
     def _answer_next(self) -> bool:
         """Wait for an observation and answer it; False when the market is over."""
         arrival = self.link.receive()
         while arrival is not None:
             seen = decode(self.observation, arrival.payload, arrival.encoding)
+            self._last = seen
             if seen.phase == "end":
                 return False
             # After a pause of this process only the newest observation is still awaited.
@@ -134,7 +142,7 @@ class AgentSession(ABC, Generic[Seen]):
 
     def _clock_changed(self, came: bool) -> None:
         if not came:
-            say(f"{self.wish.agent}: the clock is away; waiting for it")
+            self.say(f"{self.wish.agent}: the clock is away; waiting for it", "warning")
         elif self._clock_seen:
             # A new clock may not know this process; where it does, joining again changes nothing.
             try:
@@ -155,8 +163,3 @@ def settle_down() -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(20_000, 20, 50)
-
-
-def say(text: str) -> None:
-    """One line for whoever started this process."""
-    print(text, file=sys.stderr, flush=True)

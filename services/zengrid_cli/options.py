@@ -6,6 +6,8 @@ import argparse
 import os
 from pathlib import Path
 
+from zengrid import logs
+
 HTTP_PORT = 8080
 
 
@@ -155,4 +157,5 @@ def up_parser() -> argparse.ArgumentParser:
         "--plain", action="store_true", help="lines instead of a live table (so where there is no terminal)"
     )
     show.add_argument("--quiet", action="store_true", help="only the summary at the end")
+    logs.add_log_options(it.add_argument_group("logs"))
     return it

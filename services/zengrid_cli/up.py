@@ -11,6 +11,8 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from zengrid import logs
+from zengrid.errors import ZengridError
 from zengrid.processes import Event, Signals, Supervisor, describe
 from zengrid_cli.endpoint import choose_endpoint, choose_http_port
 from zengrid_cli.options import HTTP_PORT, up_parser
@@ -102,7 +104,7 @@ class Local:
         with self.plan.events.open("a", encoding="utf-8") as log:
             log.write(f"{time.strftime('%H:%M:%S')} {text}\n")
         if not self.live:
-            say(text)
+            logs.say(text)
 
     def _show(self) -> None:
         """Start what only watches."""
@@ -114,7 +116,7 @@ class Local:
         page = "" if self.port is None else f"http://127.0.0.1:{self.port}   "
         where = f"{page}{self.plan.endpoint}"
         if not self.live:
-            say(f"{self.options.scenario} at {where}")
+            logs.say(f"{self.options.scenario} at {where}")
         self.supervisor.start(self.plan.table(where, live=self.live))
 
     def _load(self) -> Scenario:
@@ -180,15 +182,21 @@ class Local:
         elif event.kind == "gave_up" and event.name == CLOCK:
             self.trouble = "\n  ".join([event.text, *words])
         elif failed and self.trouble is None and not (self.live and self.supervisor.alive([TABLE])):
-            say(text)
+            logs.say(text, "warning")
 
 
 def main(arguments: Sequence[str]) -> int:
     """Run a market; returns the exit code."""
     started = time.time() - _age_s()
     options = up_parser().parse_args(arguments)
-    local = Local(options)
-    code = local.run()
+    logs.export(options)
+    logs.begin("up", options, run=options.run)
+    try:
+        local = Local(options)
+        code = local.run()
+    except ZengridError as error:
+        logs.fail(error)
+        return 1
     if local.live:
         # A table that was killed leaves the cursor hidden.
         sys.stdout.write("\x1b[?25h")
@@ -197,14 +205,9 @@ def main(arguments: Sequence[str]) -> int:
 
         print_summary(options, shlex.join(["zengrid", "up", *arguments]), since=started)
     if local.trouble is not None:
-        say(local.trouble)
-        say(f"logs: {local.plan.folder}")
+        logs.say(local.trouble, "error")
+        logs.say(f"logs: {local.plan.folder}")
     return code
-
-
-def say(text: str) -> None:
-    """One line for the terminal."""
-    print(f"zengrid up: {text}", file=sys.stderr, flush=True)
 
 
 def _age_s() -> float:

@@ -9,6 +9,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from zengrid import logs
 from zengrid.errors import ZengridError
 
 if TYPE_CHECKING:
@@ -95,6 +96,7 @@ def parser() -> argparse.ArgumentParser:
     it.add_argument(
         "--insecure", action="store_true", help="listen beyond this machine although nobody is authenticated"
     )
+    logs.add_log_options(it)
     return it
 
 
@@ -128,7 +130,7 @@ def open_clock(options: argparse.Namespace, stack: ExitStack) -> Clock:
     from zengrid_clock.resume import restore
     from zengrid_clock.retention import Retention
     from zengrid_clock.roster import Roster
-    from zengrid_clock.service import Clock, ClockSettings, say
+    from zengrid_clock.service import Clock, ClockSettings
 
     settings = ClockSettings(
         days=options.days,
@@ -148,27 +150,31 @@ def open_clock(options: argparse.Namespace, stack: ExitStack) -> Clock:
 
     def keeping(clock: Clock) -> Clock:
         if options.keep_days is not None:
-            clock.retention = stack.enter_context(Retention(journal, clock.run.name, options.keep_days, say))
+            clock.retention = stack.enter_context(Retention(journal, clock.run.name, options.keep_days, logs.say))
         return clock
 
     earlier = [info for info in journal.runs() if info.name.rpartition("-")[0] == options.run]
     if options.resume and earlier and earlier[-1].finished_at is None:
         clock = Clock(scenario, market, roster, hub, journal.resume(earlier[-1].id), settings)
         restore(clock)
+        clock.notes.note("info", "run is resumed", journal=clock.run.name)
         return keeping(clock)
     name = f"{options.run}-{len(earlier) + 1}"
     run = journal.begin(name, scenario.dump(), seed=scenario.seed, dt_h=scenario.dt_h, version=__version__)
-    return keeping(Clock(scenario, market, roster, hub, run, settings))
+    clock = Clock(scenario, market, roster, hub, run, settings)
+    clock.notes.note("info", "run begins", journal=name, scenario=scenario.name, seed=scenario.seed)
+    return keeping(clock)
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the clock until its market ends."""
     options = parser().parse_args(arguments)
+    logs.begin("clock", options, run=options.run)
     try:
         with ExitStack() as stack:
             open_clock(options, stack).serve()
     except ZengridError as error:
-        sys.stderr.write(f"zengrid clock: {error}\n")
+        logs.fail(error)
         return 1
     return 0
 

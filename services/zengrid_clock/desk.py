@@ -61,6 +61,7 @@ class Desk:
     def _refuse(self, event: Event, reason: RefusalReason, message: str) -> None:
         assert event.query is not None
         self.clock.refused[f"{event.kind}_{reason}"] += 1
+        self.clock.notes.note("info", f"{event.kind} refused", agent=event.agent, reason=reason, why=message)
         event.query.refuse(reason, message)
 
     def _answer(self, event: Event) -> bytes:
@@ -98,6 +99,7 @@ class Desk:
         agent.bind(wish)
         self.clock.hub.forget(agent.id)
         self._roster_changed = True
+        self.clock.notes.note("info", "agent joins", agent=agent.id, policy=wish.policy, brought=agent.brought)
         return self._welcome(agent)
 
     def _admit(self, wish: JoinRequest) -> Agent:
@@ -149,6 +151,7 @@ class Desk:
         self.clock.market.remove(agent.id)
         self.clock.hub.forget(agent.id)
         self._roster_changed = True
+        self.clock.notes.note("info", "agent has left", agent=agent.id)
 
     def _welcome(self, agent: Agent) -> JoinReply:
         clock, scenario = self.clock, self.clock.scenario

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
+from zengrid import logs
 from zengrid.errors import JournalError
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ class Retention:
         Told what went wrong: the market goes on, and the next day it is tried again.
     """
 
-    def __init__(self, journal: Journal, run: str, keep_days: int, say: Callable[[str], None]) -> None:
+    def __init__(self, journal: Journal, run: str, keep_days: int, say: Callable[[str, logs.Level], None]) -> None:
         self._journal = journal
         self._run = run
         self._keep_days = keep_days
@@ -56,4 +57,4 @@ class Retention:
             try:
                 prune(self._journal, self._journal.run(self._run), self._keep_days)
             except JournalError as error:
-                self._say(f"old days are not deleted: {error}")
+                self._say(f"old days are not deleted: {error}", "warning")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import gc
 import math
 import signal
-import sys
 import time
 from collections import Counter
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from zengrid import logs
 from zengrid.bus.hub import Event, Hub
 from zengrid.core.state import Action, Exogenous
 from zengrid.errors import JournalUnavailableError
@@ -23,6 +23,7 @@ from zengrid_clock.barrier import Barrier, Moment, Refused
 from zengrid_clock.desk import Desk
 from zengrid_clock.latency import Latencies
 from zengrid_clock.market import LiveMarket
+from zengrid_clock.notes import Notes
 from zengrid_clock.observations import Observer, Settled
 from zengrid_clock.pacing import Pace
 from zengrid_clock.records import public_slot, slot_record
@@ -74,6 +75,7 @@ class Clock:
         self.pace = Pace(scenario.dt_h * 3600.0, settings.speed, settings.deadline_s)
         self.observer = Observer(hub.keys.run, market)
         self.desk = Desk(self)
+        self.notes = Notes(self)
         self.latencies = Latencies()
         self.totals = Totals(scenario.dt_h)
         self.retention: Retention | None = None
@@ -147,6 +149,7 @@ class Clock:
                 send(agent.id, *self.observer.tell(agent))
         if self.settings.days is not None and self.day >= self.settings.days:
             self.run.finish()
+        self.notes.note("info", "run is over", slots=self.position)
 
     # ---------------------------------------------------------------- one slot
 
@@ -188,6 +191,7 @@ class Clock:
         for agent in self.roster:
             agent.settled = True
         self._unpublished = record, settled_homes
+        self.notes.slot_settled()
         self._advance()
         committed = time.perf_counter()
         self.latencies.add(priced - began, answered - priced, committed - answered, committed)
@@ -204,12 +208,13 @@ class Clock:
                     raise
                 if str(error) != said:
                     said = str(error)
-                    say(f"waiting: {said}")
+                    logs.say(f"waiting: {said}", "warning", day=self.day, slot=self.slot)
             else:
                 break
             self._take(IDLE_S, None)
         if said:
-            say(f"going on: slot {record.slot} of day {record.day} is settled")
+            text = f"going on: slot {record.slot} of day {record.day} is settled"
+            logs.say(text, "warning", day=record.day, slot=record.slot)
 
     def _advance(self) -> None:
         self.position += 1
@@ -283,6 +288,7 @@ class Clock:
             self._take_presence(event, barrier)
         elif event.kind == "twin":
             self.refused["second_session"] += 1
+            self.notes.note("info", "second session refused", agent=event.agent)
         else:
             self.desk.answer(event)
         return True
@@ -298,6 +304,7 @@ class Clock:
             judge.offer(agent.id, lambda: self._read(agent, event, judge.moment))
         except Refused as refusal:
             self.refused[refusal.cause] += 1
+            self.notes.note("debug", "action refused", agent=agent.id, cause=refusal.cause)
             self._welcome_back(agent, refusal)
 
     def _read(self, agent: Agent, event: Event, moment: Moment) -> tuple[Moment, Any]:
@@ -328,8 +335,3 @@ class Clock:
             agent.bound = -math.inf
         elif barrier is not None:
             barrier.give_up(agent.id)
-
-
-def say(text: str) -> None:
-    """One line for whoever started the clock."""
-    print(f"zengrid clock: {text}", file=sys.stderr, flush=True)

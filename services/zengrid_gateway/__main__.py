@@ -6,6 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from zengrid import logs
 from zengrid.bus.options import add_bus_options
 from zengrid.errors import ZengridError
 
@@ -48,12 +49,14 @@ def parser() -> argparse.ArgumentParser:
         metavar="ORIGIN",
         help="let pages of another site use this gateway, such as https://example.org; may be repeated",
     )
+    logs.add_log_options(it)
     return it
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Serve until a signal asks to stop."""
     options = parser().parse_args(arguments)
+    logs.begin("gateway", options, run=options.run)
     # Loaded after the command line is known to be right: FastAPI takes a second.
     from zengrid_gateway.access import open_access
     from zengrid_gateway.app import create_app
@@ -76,7 +79,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         serve(create_app(settings, open_access(settings.protected, settings.tokens)), settings)
     except ZengridError as error:
-        sys.stderr.write(f"zengrid gateway: {error}\n")
+        logs.fail(error)
         return 1
     return 0
 

@@ -13,7 +13,7 @@ from fastapi import Depends, Request
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 from starlette.requests import HTTPConnection
 
-from zengrid_gateway.log import say
+from zengrid import logs
 from zengrid_gateway.problems import Problem
 from zengrid_gateway.tokens import Role, Tokens
 
@@ -66,7 +66,7 @@ def open_access(protect: Protect, path: Path) -> Access:
         return Access(protect, Tokens({}))
     tokens, made = Tokens.load(path)
     for role, token in made.items():
-        say(f"token to {role}, shown this one time: {token}")
+        logs.say(f"token to {role}, shown this one time: {token}")
     return Access(protect, tokens)
 
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from http import HTTPStatus
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from zengrid import logs
 from zengrid_gateway.access import is_loopback
 from zengrid_gateway.limits import RateLimit
 from zengrid_gateway.problems import MAX_BODY_BYTES, Problem
@@ -61,6 +63,9 @@ class Guard:
                 message["headers"] = [*message["headers"], *HEADERS]
                 route = getattr(scope.get("route"), "path", "other")
                 self._answered(route, message["status"], time.perf_counter() - began)
+                if message["status"] >= HTTPStatus.BAD_REQUEST and logs.wants("info"):
+                    request = {"method": scope["method"], "path": scope["path"][:200]}
+                    logs.note("info", "request failed", **request, status=message["status"])
                 await send(message)
                 if head:
                     await send({"type": "http.response.body"})

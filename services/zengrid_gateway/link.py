@@ -12,12 +12,12 @@ from typing import Annotated, Literal, Self, TypeVar
 from fastapi import Depends
 from starlette.requests import HTTPConnection
 
+from zengrid import logs
 from zengrid.bus.client import Client
 from zengrid.bus.credentials import GATEWAY
 from zengrid.errors import BusError, SecurityError, ZengridError
 from zengrid.wire.requests import Status
 from zengrid_gateway.feed import Feed
-from zengrid_gateway.log import say
 from zengrid_gateway.problems import Problem
 
 T = TypeVar("T")
@@ -108,7 +108,7 @@ class MarketLink:
                 await self._loop.run_in_executor(self._threads, self._open_client)
             except (BusError, SecurityError) as error:
                 if not waiting:
-                    say(f"waiting for the market: {error}")
+                    logs.say(f"waiting for the market: {error}", "warning")
                     waiting = True
                 await asyncio.sleep(ATTEMPT_S / 4)
 
@@ -126,7 +126,11 @@ class MarketLink:
             self.feed.set_present(came)
             self.status = None
             self._look.set()
-            say(f"the market {self.run} at {self.endpoint} is {'there' if came else 'away; waiting for it'}")
+            where = f"the market {self.run} at {self.endpoint}"
+            if came:
+                logs.say(f"{where} is there")
+            else:
+                logs.say(f"{where} is away; waiting for it", "warning")
 
     async def known_status(self) -> Status:
         """How the clock stands; no older than the latest slot, unless that has just come."""

@@ -10,9 +10,10 @@ from collections.abc import Iterator
 import uvicorn
 from fastapi import FastAPI
 
+from zengrid import logs
 from zengrid.errors import BusError
 from zengrid_gateway.link import MarketLink
-from zengrid_gateway.log import say
+from zengrid_gateway.log import log_config
 from zengrid_gateway.settings import Settings
 
 BACKLOG = 2048
@@ -58,7 +59,7 @@ def serve(app: FastAPI, settings: Settings) -> None:
     """Serve until a signal asks to stop."""
     with listen(settings) as listener:
         host, port = listener.getsockname()[:2]
-        say(f"run {settings.run} at http://{f'[{host}]' if ':' in host else host}:{port}")
+        logs.say(f"run {settings.run} at http://{f'[{host}]' if ':' in host else host}:{port}")
         config = uvicorn.Config(
             app,
             loop="uvloop",
@@ -66,6 +67,7 @@ def serve(app: FastAPI, settings: Settings) -> None:
             ws="websockets-sansio",
             lifespan="on",
             log_level="warning",
+            log_config=log_config(),
             access_log=False,
             server_header=False,
             proxy_headers=False,

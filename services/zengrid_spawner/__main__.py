@@ -7,11 +7,12 @@ import sys
 from pathlib import Path
 from queue import SimpleQueue
 
+from zengrid import logs
 from zengrid.bus.credentials import SPAWNER
 from zengrid.bus.options import add_bus_options
 from zengrid.bus.spawner import SpawnerLink
 from zengrid.errors import ZengridError
-from zengrid_spawner.service import Inbox, Spawner, say
+from zengrid_spawner.service import Inbox, Spawner
 from zengrid_spawner.settings import Settings, default_logs, default_name
 
 
@@ -43,12 +44,14 @@ def parser() -> argparse.ArgumentParser:
     it.add_argument(
         "--policies", type=Path, metavar="FOLDER", help="policy files that prosumers may play, beside rules"
     )
+    logs.add_log_options(it)
     return it
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Serve until a signal asks to stop."""
     options = parser().parse_args(arguments)
+    logs.begin("spawner", options, run=options.run)
     settings = Settings(
         name=options.name or (default_name() if options.certs is None else SPAWNER),
         run=options.run,
@@ -64,10 +67,11 @@ def main(arguments: list[str] | None = None) -> int:
         settings.logs.mkdir(parents=True, exist_ok=True)
         inbox: Inbox = SimpleQueue()
         with SpawnerLink(settings.name, settings.run, settings.endpoint, on_event=inbox.put, certs=settings.certs):
-            say(f"{settings.name} starts up to {settings.limit} prosumers in run {settings.run} at {settings.endpoint}")
+            what = f"up to {settings.limit} prosumers in run {settings.run} at {settings.endpoint}"
+            logs.say(f"{settings.name} starts {what}")
             Spawner(settings, inbox).serve()
     except (ZengridError, OSError) as error:
-        sys.stderr.write(f"zengrid spawner: {error}\n")
+        logs.fail(error)
         return 1
     return 0
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import socket
-import sys
 import time
 from collections import OrderedDict
 from dataclasses import dataclass, field
@@ -14,6 +13,7 @@ from typing import Literal
 
 import psutil
 
+from zengrid import logs
 from zengrid.bus.credentials import Credentials
 from zengrid.bus.hub import Query
 from zengrid.bus.spawner import SpawnerEvent
@@ -149,7 +149,7 @@ class Spawner:
                 self._keys.popitem(last=False)
         child = self._children[name] = Child(wish, asked=[query], answer_at=time.monotonic() + ANSWER_S)
         self._supervisor.start(spec)
-        say(f"{name}: started for a request ({wish.policy}, {child.wish.home.pv_kw:g} kW PV)")
+        logs.say(f"{name}: started for a request ({wish.policy}, {child.wish.home.pv_kw:g} kW PV)", agent=name)
 
     def _refusal(self, name: str) -> tuple[RefusalReason, str] | None:
         """Why a process of this name cannot be started."""
@@ -237,7 +237,7 @@ class Spawner:
 
     def _tell(self, event: Event) -> None:
         """What the supervisor has to say of a process."""
-        say(event.text)
+        logs.say(event.text, "info" if event.kind in ("started", "ended") else "warning", agent=event.name)
         child = self._children.get(event.name)
         if child is None:
             return
@@ -265,7 +265,8 @@ class Spawner:
             memory_mb, most_mb = self._memory_of(name), self.settings.process_memory_mb
             pid = self._supervisor.pid(name)
             if memory_mb > most_mb and pid is not None:
-                say(f"{name}: takes {memory_mb:.0f} MiB of memory, and may have {most_mb:.0f}: killing it")
+                text = f"{name}: takes {memory_mb:.0f} MiB of memory, and may have {most_mb:.0f}: killing it"
+                logs.say(text, "warning", agent=name)
                 os.kill(pid, signal.SIGKILL)
 
     def _memory_mb(self) -> float:
@@ -311,9 +312,3 @@ class Spawner:
         if pid is None:
             return "restarting"
         return "running" if child.wish.home.id in self._present else "starting"
-
-
-def say(text: str) -> None:
-    """One line for whoever started the spawner."""
-    sys.stderr.write(f"zengrid spawner: {text}\n")
-    sys.stderr.flush()

@@ -7,7 +7,6 @@ import os
 import runpy
 import signal
 import sys
-import traceback
 from collections.abc import Iterable
 from typing import NoReturn
 
@@ -44,7 +43,7 @@ def _run(module: str) -> int:
         sys.stderr.write(f"{end.code}\n")
         return 1
     except BaseException:  # noqa: BLE001 - whatever it was, it ends this process and belongs into its log
-        traceback.print_exc()
+        sys.excepthook(*sys.exc_info())
         return 1
     return 0
 

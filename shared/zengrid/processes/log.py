@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import os
 import time
 from pathlib import Path
+
+from zengrid import logs
 
 MAX_BYTES = 1_000_000
 """A larger log is set aside as ``NAME.log.1``, in place of the one before."""
@@ -22,7 +25,8 @@ def begin(log: Path) -> int:
     """Mark where a process begins to write, and return that position. [byte]"""
     bound(log)
     with log.open("a", encoding="utf-8") as file:
-        file.write(f"--- {time.strftime('%Y-%m-%d %H:%M:%S')} started\n")
+        heading = logs.line("started") if logs.is_json() else f"--- {time.strftime('%Y-%m-%d %H:%M:%S')} started"
+        file.write(f"{heading}\n")
     return end_of(log)
 
 
@@ -46,4 +50,14 @@ def tail(log: Path, since: int = 0, lines: int = 5) -> list[str]:
             text = file.read().decode(errors="replace")
     except FileNotFoundError:
         return []
-    return [line.rstrip() for line in text.splitlines() if line.strip()][-lines:]
+    return [_words(line.rstrip()) for line in text.splitlines() if line.strip()][-lines:]
+
+
+def _words(line: str) -> str:
+    """What a line says to a person, be it a sentence or a JSON object."""
+    if not line.startswith("{"):
+        return line
+    try:
+        return str(json.loads(line)["event"])
+    except (ValueError, KeyError):
+        return line

@@ -34,6 +34,12 @@ def test_the_tail_quotes_only_the_present_life(tmp_path: Path) -> None:
     assert re.fullmatch(r"--- [-0-9]+ [:0-9]+ started", tail(log)[1])
 
 
+def test_of_a_structured_line_the_tail_quotes_what_happened(tmp_path: Path) -> None:
+    log = tmp_path / "p1.log"
+    log.write_text('{"level": "error", "event": "policy = x: unknown"}\n{"odd": 1}\n{no object\n')
+    assert tail(log) == ["policy = x: unknown", '{"odd": 1}', "{no object"]
+
+
 def test_a_log_that_was_never_written_is_empty(tmp_path: Path) -> None:
     assert end_of(tmp_path / "none.log") == 0
     assert tail(tmp_path / "none.log") == []

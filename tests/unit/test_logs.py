@@ -1,0 +1,87 @@
+"""Sentences for a person by default; structured lines, by level, where they are asked for."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import threading
+
+import pytest
+
+from zengrid import logs
+
+
+@pytest.fixture(autouse=True)
+def fresh(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(logs, "_log", logs._Log())
+    for name in ("ZENGRID_LOG", "ZENGRID_LOG_LEVEL"):
+        monkeypatch.delenv(name, raising=False)
+    for module, name in ((sys, "excepthook"), (threading, "excepthook")):
+        monkeypatch.setattr(module, name, getattr(module, name))
+
+
+def begin(*words: str) -> None:
+    parser = argparse.ArgumentParser()
+    logs.add_log_options(parser)
+    logs.begin("clock", parser.parse_args(words), run="main")
+
+
+def tell() -> None:
+    logs.say("waiting: disk full", "warning", day=1, slot=2)
+    logs.note("info", "agent is away", day=3, slot=4, agent="p1", before="present")
+    logs.note("debug", "fallback", agent="p1")
+    logs.fail("port = x: permitted: 1 to 65535")
+
+
+def test_by_default_a_person_reads_sentences_and_nothing_else(capsys: pytest.CaptureFixture[str]) -> None:
+    begin()
+    tell()
+    said = capsys.readouterr().err.splitlines()
+    assert said == ["zengrid clock: waiting: disk full", "zengrid clock: port = x: permitted: 1 to 65535"]
+
+
+def test_a_lower_level_adds_lines_of_keys_and_values(capsys: pytest.CaptureFixture[str]) -> None:
+    begin("--log-level", "info")
+    tell()
+    sentence, line, _ = capsys.readouterr().err.splitlines()
+    assert sentence == "zengrid clock: waiting: disk full"
+    expected = 'level=info service=clock run=main day=3 slot=4 agent=p1 event="agent is away" before=present'
+    assert line.partition(" ")[2] == expected
+
+
+def test_json_holds_all_that_is_told(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ZENGRID_LOG", "json")
+    monkeypatch.setenv("ZENGRID_LOG_LEVEL", "debug")
+    begin()
+    tell()
+    lines = [json.loads(line) for line in capsys.readouterr().err.splitlines()]
+    assert [line["level"] for line in lines] == ["warning", "info", "debug", "error"]
+    assert {line["run"] for line in lines} == {"main"}
+    assert (lines[1]["day"], lines[1]["slot"], lines[1]["agent"]) == (3, 4, "p1")
+    try:
+        raise ValueError("two\nlines")
+    except ValueError:
+        sys.excepthook(*sys.exc_info())
+    crash = json.loads(capsys.readouterr().err)
+    assert (crash["level"], crash["run"]) == ("error", "main")
+    assert "Traceback" in crash["exception"]
+
+
+@pytest.mark.parametrize("words", [("--log", "xml"), ("--log-level", "loud")])
+def test_what_is_unknown_is_refused_with_what_is_permitted(
+    words: tuple[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        begin(*words)
+    assert f"= {words[1]}: permitted: " in capsys.readouterr().err
+
+
+def test_structlog_is_loaded_only_where_it_is_asked_for() -> None:
+    script = "import sys, zengrid_agent.__main__ as a; from zengrid import logs; {}; print('structlog' in sys.modules)"
+    begins = "logs.begin('grid', a.parser().parse_args(['grid'{}])); logs.note('info', 'x'); logs.say('y')"
+    for words, loaded in (("", "False"), (", '--log', 'json'", "True")):
+        code = script.format(begins.format(words))
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+        assert done.stdout.strip() == loaded
