@@ -195,6 +195,8 @@ def test_compose_reads_the_file_with_certificates() -> None:
         "ZENGRID_RUN": "main",
         "ZENGRID_CONNECT": "tcp/127.0.0.1:7447",
         "ZENGRID_CERTS": "/certs",
+        "ZENGRID_LOG": "text",
+        "ZENGRID_LOG_LEVEL": "warning",
     }
     assert set(services["p2"]["depends_on"]) == {"certs", "clock"}
     assert {"tokens:/tokens:rw", "certs-gateway:/certs:ro"} <= set(services["gateway"]["volumes"])
