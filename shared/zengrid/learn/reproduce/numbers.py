@@ -136,7 +136,7 @@ def flat_from(table: pd.DataFrame) -> dict[str, dict[str, Any]]:
         each = [flat(*_curve(one, "agents")) for _, one in rows.groupby("seed")]
         first = rows[rows["seed"] == rows["seed"].iloc[0]]
         # The curve that is drawn, in the middle of the seeds: a single seed's is never still.
-        middle = rows.groupby(CAPACITY, as_index=False)["agents"].median()
+        middle = rows.groupby(CAPACITY, as_index=False)[["agents"]].median()
         found[figure] = {
             "agents": {**spread(each), "median": flat(*_curve(middle, "agents"))},
             "leader": flat(*_curve(first, "leader")),
