@@ -221,7 +221,7 @@ def test_what_is_forged_reaches_nobody(market: Market) -> None:
         assert market.client.history(0, 1).next == 1
         assert not false.is_set()
         del answering, tokens
-    market.start_prosumer("p2")
+    market.start_prosumer("p2", "--policy", "conventional")
     market.wait_for_slot(lambda slot: "p2" in slot.acted, missing="p2 back")
     assert refusals(market) == before, "something has reached the clock"
 

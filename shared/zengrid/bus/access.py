@@ -36,7 +36,12 @@ ACTION_BYTES = 4 * 2**20
 ACTIONS_HZ = 2000.0
 """Most actions of one process that are looked at; a market at full speed has about 1000 slots a second. [1/s]"""
 JOINS_HZ = 20.0
-QUESTIONS_HZ = 500.0
+LOOKS_HZ = 500.0
+"""Most questions of one process that are heard: to join, to leave, and for the scenario; for the last slot. [1/s]
+
+What comes sooner after the one before is dropped without a word, and whoever asked waits in vain. So questions that
+only operators may ask are not limited here: the clock's queue has an end of its own, and says so.
+"""
 
 Rule = dict[str, Any]
 
@@ -120,8 +125,7 @@ def limits(names: Names, run: str) -> dict[str, Any]:
         "downsampling": [
             _rate("actions", ["put", "delete"], {keys.actions: ACTIONS_HZ}),
             _rate("questions", ["query"], {
-                keys.join("*"): JOINS_HZ, keys.leave("*"): JOINS_HZ, keys.control: QUESTIONS_HZ,
-                keys.history: QUESTIONS_HZ, keys.scenario: JOINS_HZ, keys.slot: QUESTIONS_HZ,
+                keys.join("*"): JOINS_HZ, keys.leave("*"): JOINS_HZ, keys.scenario: JOINS_HZ, keys.slot: LOOKS_HZ,
             }),
         ],
         "transport/unicast/max_sessions": names.sessions,
