@@ -27,9 +27,8 @@ class Grid(AgentSession[GridObservation]):
     observation = GridObservation
 
     def __init__(self, link: AgentLink, wish: JoinRequest, learning: Learning | None = None) -> None:
-        super().__init__(link, wish)
+        super().__init__(link, wish, learning)
         self._facts: MarketFacts | None = None
-        self._learning = learning
 
     def welcome(self, market: JoinReply) -> None:
         """Make the policy for this market."""
@@ -75,16 +74,6 @@ class Grid(AgentSession[GridObservation]):
             instance=self.wish.instance,
             buy_price=price,
         )
-
-    def reflect(self) -> None:
-        """Learn, once the price has left."""
-        if self._learning is not None:
-            self._learning.reflect()
-
-    def part(self) -> None:
-        """Keep what was learned."""
-        if self._learning is not None:
-            self._learning.save()
 
     def answer(self, wish: PolicyRequest) -> PolicyReply:
         """What the policy would do, row by row."""

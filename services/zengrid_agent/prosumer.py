@@ -39,9 +39,8 @@ class Prosumer(AgentSession[FleetObservation]):
     observation = FleetObservation
 
     def __init__(self, link: AgentLink, wish: JoinRequest, learning: Learning | None = None) -> None:
-        super().__init__(link, wish)
+        super().__init__(link, wish, learning)
         self._market: JoinReply | None = None
-        self._learning = learning
 
     def welcome(self, market: JoinReply) -> None:
         """Make the policy for these homes."""
@@ -98,16 +97,6 @@ class Prosumer(AgentSession[FleetObservation]):
             instance=self.wish.instance,
             battery_kw=battery_kw,
         )
-
-    def reflect(self) -> None:
-        """Learn, once the commands have left."""
-        if self._learning is not None:
-            self._learning.reflect()
-
-    def part(self) -> None:
-        """Keep what was learned."""
-        if self._learning is not None:
-            self._learning.save()
 
     def answer(self, wish: PolicyRequest) -> PolicyReply:
         """What the policy would do with one home, row by row."""

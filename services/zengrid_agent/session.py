@@ -15,6 +15,7 @@ from zengrid.errors import ZengridError
 from zengrid.wire.codec import decode, encode
 from zengrid.wire.requests import JoinReply, JoinRequest, PolicyReply, PolicyRequest
 from zengrid.wire.slots import FleetAction, FleetObservation, GridAction, GridObservation
+from zengrid_agent.learning import Learning
 
 Seen = TypeVar("Seen", GridObservation, FleetObservation)
 
@@ -32,13 +33,16 @@ class AgentSession(ABC, Generic[Seen]):
         The agent's connection.
     wish:
         What it joins with; ``instance`` tells this process apart from others of the same name.
+    learning:
+        What learns beside its policy, if anything does.
     """
 
     observation: type[Seen]
 
-    def __init__(self, link: AgentLink, wish: JoinRequest) -> None:
+    def __init__(self, link: AgentLink, wish: JoinRequest, learning: Learning | None = None) -> None:
         self.link = link
         self.wish = wish
+        self._learning = learning
         self._clock_seen = False
         self._busy = self._stopping = False
         self._refused: ZengridError | None = None
@@ -56,12 +60,6 @@ class AgentSession(ABC, Generic[Seen]):
     @abstractmethod
     def answer(self, wish: PolicyRequest) -> PolicyReply:
         """What the policy would do."""
-
-    def reflect(self) -> None:
-        """What is left to do once an action has left; a signal to stop waits for it."""
-
-    def part(self) -> None:
-        """What is left to do when the agent ends."""
 
     def live(self) -> None:
         """Join, then answer until the market is over.
@@ -85,7 +83,8 @@ class AgentSession(ABC, Generic[Seen]):
                 # Homes that came with this process leave with it.
                 self.link.leave(self.wish.instance)
         finally:
-            self.part()
+            if self._learning is not None:
+                self._learning.save()
         if self._refused is not None:
             raise self._refused
 
@@ -129,8 +128,11 @@ class AgentSession(ABC, Generic[Seen]):
         return False
 
     def _reflect(self) -> None:
+        """Learn, once the action has left; a signal to stop waits for it."""
+        if self._learning is None:
+            return
         self._busy = True
-        self.reflect()
+        self._learning.reflect()
         self._busy = False
         if self._stopping:
             raise Stop

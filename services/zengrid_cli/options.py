@@ -51,6 +51,8 @@ def parse_deadline(text: str) -> float:
 
 def up_parser() -> argparse.ArgumentParser:
     """The command line of ``zengrid up``."""
+    from zengrid.bus.options import add_certs_option  # loads Zenoh, which commands that only train do without
+
     # The bus knows these defaults, too; loading it would hold up the clock that is to be started first.
     it = argparse.ArgumentParser(
         prog="zengrid up",
@@ -137,15 +139,7 @@ def up_parser() -> argparse.ArgumentParser:
         metavar="ENDPOINT",
         help="where agents connect, or auto for any free port (default: %(default)s; environment: ZENGRID_LISTEN)",
     )
-    given = os.environ.get("ZENGRID_CERTS")
-    net.add_argument(
-        "--certs",
-        type=Path,
-        metavar="FOLDER",
-        default=Path(given) if given else None,
-        help="certificates made by zengrid certs: links are encrypted, and each side proves who it is "
-        "(environment: ZENGRID_CERTS)",
-    )
+    add_certs_option(net)
     net.add_argument("--insecure", action="store_true", help="listen beyond this machine, without authentication")
     http = net.add_mutually_exclusive_group()
     http.add_argument(
