@@ -12,7 +12,7 @@ os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # looking for plug
 from zengrid import logs
 from zengrid.bus.options import add_bus_options
 from zengrid.errors import ZengridError
-from zengrid_agent.learning import add_learning_options
+from zengrid.learn.options import add_learning_options
 
 TRAINED = "trained"
 RULES = {"prosumer": "conventional", "grid": "fixed"}
@@ -71,7 +71,7 @@ def parser() -> argparse.ArgumentParser:
             metavar="S",
             help="longest wait for the clock (default: %(default)s s)",
         )
-        add_learning_options(role)
+        add_learning_options(role, learned="runs/RUN/learned")
         add_bus_options(role)
         logs.add_log_options(role)
     return it

@@ -1,4 +1,4 @@
-"""Agents that learn while they play: the options, and a learner that saves what it has learned."""
+"""Agents that learn while they play: a learner that saves what it has learned."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import argparse
 import time
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 from zengrid.errors import PolicyError
 from zengrid.policy import trained
@@ -25,24 +25,6 @@ CHECKPOINT = ".pt"
 """Of files from which a learner goes on."""
 SAVE_S = 10.0
 """How often it is written down what was learned. [s]"""
-
-
-def add_learning_options(role: argparse.ArgumentParser) -> None:
-    """Options of an agent that may learn."""
-    learning = role.add_argument_group("learning (needs the extra learn)")
-    learning.add_argument(
-        "--learn", action="store_true", help="learn from what comes of its actions; --policy is what it starts from"
-    )
-    learning.add_argument(
-        "--learned",
-        type=Path,
-        metavar="DIR",
-        help="where what was learned is kept; from there it goes on when started again (default: runs/RUN/learned)",
-    )
-    learning.add_argument(
-        "--explore", type=int, metavar="SLOTS", help="slots over which trying out new things fades (default: 12000)"
-    )
-    learning.add_argument("--learn-seed", type=int, default=0, metavar="N", help="seed of what it tries (default: 0)")
 
 
 def load_torch() -> None:
@@ -70,12 +52,7 @@ class Learning:
     def __init__(self, options: argparse.Namespace, agent: str, role: Role) -> None:
         self._agent, self._role = agent, role
         self._kind: ObservationKind = options.observation
-        changes: dict[str, Any] = {"seed": options.learn_seed}
-        if options.explore is not None:
-            if options.explore < 1:
-                raise PolicyError(f"explore = {options.explore}: give a number of slots from 1 up")
-            changes["slots"] = options.explore
-        self._changes = changes
+        self._changes = {"slots": options.explore, "seed": options.learn_seed}
         folder = options.learned or Path("runs") / options.run / "learned"
         folder.mkdir(parents=True, exist_ok=True)
         self.path = folder / f"{agent}{CHECKPOINT}"

@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 
 from zengrid import logs
+from zengrid.learn.options import add_learning_options
 
 HTTP_PORT = 8080
 
@@ -92,20 +93,7 @@ def up_parser() -> argparse.ArgumentParser:
         metavar="SPEC",
         help="what decides for the grid agent (default: trained; with --learn fixed)",
     )
-    learning = it.add_argument_group("learning (needs the extra learn)")
-    learning.add_argument(
-        "--learn", action="store_true", help="all agents learn from what comes of their actions, and go on for ever"
-    )
-    learning.add_argument(
-        "--learned",
-        type=Path,
-        metavar="DIR",
-        help="where what was learned is kept; from there agents go on when started again (default: LOGS/RUN/learned)",
-    )
-    learning.add_argument(
-        "--explore", type=parse_count, metavar="SLOTS", help="slots over which trying out new things fades"
-    )
-    learning.add_argument("--learn-seed", type=int, metavar="N", help="seed of what they try (default: 0)")
+    add_learning_options(it, learned="LOGS/RUN/learned")
     journal = it.add_argument_group("the journal")
     journal.add_argument(
         "--journal",

@@ -78,11 +78,10 @@ class Plan:
         it = self.options
         if not it.learn:
             return []
-        words = ["--learn", "--learned", str(it.learned or self.folder / "learned")]
-        for option in ("explore", "learn_seed"):
-            if getattr(it, option) is not None:
-                words += [f"--{option.replace('_', '-')}", str(getattr(it, option))]
-        return words
+        learned = it.learned or self.folder / "learned"
+        return [
+            "--learn", "--learned", str(learned), "--explore", str(it.explore), "--learn-seed", str(it.learn_seed)
+        ]  # fmt: skip
 
     def gateway(self, port: int) -> ProcessSpec:
         """The web page; it waits for the market, whose start it would only slow down."""

@@ -33,10 +33,6 @@ class DQN:
         Size of what they see, and number of what they can do.
     learning:
         Settings.
-    memory:
-        Slots each remembers.
-    average:
-        What the running average of the weights keeps in each update. [-]
     generator:
         Where all randomness comes from; its device is where everything happens.
     clock:
@@ -46,10 +42,10 @@ class DQN:
     """
 
     def __init__(
-        self, networks: int, days: int, features: int, actions: int, learning: Learning, memory: int, average: float,
-        generator: torch.Generator, clock: int | None = None, model: OwnModel | None = None,
+        self, networks: int, days: int, features: int, actions: int, learning: Learning, generator: torch.Generator,
+        clock: int | None = None, model: OwnModel | None = None,
     ) -> None:  # fmt: skip
-        self.learning, self.actions, self.average = learning, actions, average
+        self.learning, self.actions = learning, actions
         self.generator, self.model = generator, model if learning.own_model else None
         weights = fresh(networks, (features, *learning.hidden, actions), generator, clock)
         self.online: Weights = [weight.clone().requires_grad_() for weight in weights]
@@ -57,8 +53,8 @@ class DQN:
         self.averaged: Weights = [weight.clone() for weight in weights]
         self.optimiser = torch.optim.Adam(self.online, lr=learning.lr, fused=True)
         self.replay = Replay(
-            max(memory // days, learning.n_step + 2), networks, days, features, learning.n_step, learning.gamma,
-            generator.device,
+            max(learning.memory // days, learning.n_step + 2), networks, days, features, learning.n_step,
+            learning.gamma, generator.device,
         )  # fmt: skip
         self.updates = 0
 
@@ -103,7 +99,7 @@ class DQN:
         with torch.no_grad():
             torch._foreach_lerp_(self.target, self.online, learning.soft_target)
             # The average forgets where it began: at first it spans a tenth of the updates so far.
-            keep = min(self.average, self.updates / (self.updates + 10.0)) if self.average else 0.0
+            keep = min(learning.average, self.updates / (self.updates + 10.0))
             torch._foreach_lerp_(self.averaged, self.online, 1.0 - keep)
         return loss.detach()
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -19,7 +19,7 @@ from zengrid.env.vector import VectorMarket, beside, pick, slots_first
 from zengrid.learn.dqn import DQN
 from zengrid.learn.own_model import BUY_PRICE, SOC
 from zengrid.learn.scaling import Scaling
-from zengrid.learn.settings import Learning
+from zengrid.learn.settings import FOLLOWER, Learning
 from zengrid.policy.file import Layer, PolicyFile
 from zengrid.policy.network import GridNetwork
 from zengrid.policy.relative import Relative, relative_features
@@ -48,19 +48,12 @@ class Generic:
     pool: int = 32
     """Days of each market to draw from."""
     steps: int = 6_000
-    memory: int = 300_000
-    average: float = 0.999
     warmup: int = 48
 
     @classmethod
     def default(cls) -> Generic:
         """What the policy that comes with zengrid was trained by."""
-        return cls(
-            learning=Learning(
-                own_model=True, hidden=(64, 64), batch=1024, gamma=0.999, lr=3e-3, lr_end=3e-4, soft_target=0.02,
-                epsilon_start=0.1,
-            )
-        )  # fmt: skip
+        return cls(learning=replace(FOLLOWER, batch=1024, soft_target=0.02, memory=300_000, average=0.999))
 
 
 def draw_home(name: str, profiles: tuple[str, ...], rng: np.random.Generator) -> HomeSpec:
@@ -181,8 +174,8 @@ class GenericTraining:
         features = relative_features(KIND)
         rows = settings.markets * settings.days * len(scenario.homes)
         self.dqn = DQN(
-            1, rows, len(features), scenario.battery_levels, settings.learning, settings.memory, settings.average,
-            self._generator, features.index("time_sin"), model,
+            1, rows, len(features), scenario.battery_levels, settings.learning, self._generator,
+            features.index("time_sin"), model,
         )  # fmt: skip
 
     def _scales(self) -> Scaling:

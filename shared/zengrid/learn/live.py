@@ -220,10 +220,7 @@ class Learner:
         if self.role == "prosumer":
             model = OwnModel(facts.homes, facts.battery_levels, facts.dt_h, scaling, scale, self._generator.device)
         clock = self.features.index("time_sin") if "time_sin" in self.features else None
-        self.dqn = DQN(
-            self.networks, 1, len(self.features), self.levels.size, learning, live.memory, live.average,
-            self._generator, clock, model,
-        )  # fmt: skip
+        self.dqn = DQN(self.networks, 1, len(self.features), self.levels.size, learning, self._generator, clock, model)
         self.dqn.replay = self._memory = Memory.like(self.dqn.replay)
         self._network = Network(self.file(), facts.home_ids)
         for row in self._watched:

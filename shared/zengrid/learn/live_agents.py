@@ -24,8 +24,8 @@ Floats = NDArray[np.float64]
 
 def warm_up() -> None:
     """Let torch load what it loads at its first update, before a market waits."""
-    learning = Learning(hidden=(8,), batch=4, huber=True)
-    learners = DQN(1, 1, 2, 2, learning, 8, 0.9, torch.Generator().manual_seed(0))
+    learning = Learning(hidden=(8,), batch=4, memory=8)
+    learners = DQN(1, 1, 2, 2, learning, torch.Generator().manual_seed(0))
     for _ in range(6):
         learners.replay.add(
             torch.zeros((1, 1, 2)), torch.zeros((1, 1), dtype=torch.int64), torch.zeros((1, 1)), 0.0, True

@@ -125,20 +125,20 @@ _LATER_STUDY = Learning(
 
 # Both forget soon: the others have changed since. The leader acts by its averaged weights, so that the followers answer
 # to a policy that stands still for a while.
-_LEADER = Learning(gamma=0.999, soft_target=0.02, n_step=2, epsilon_until=0.8, memory=30_720, act_averaged=True)
-_FOLLOWER = Learning(
+LEADER = Learning(gamma=0.999, soft_target=0.02, n_step=2, epsilon_until=0.8, memory=30_720, act_averaged=True)
+FOLLOWER = Learning(
     own_model=True, batch=32, gamma=0.999, lr=3e-3, lr_end=3e-4, soft_target=0.05, epsilon_start=0.1, memory=15_360
 )
 
 _PRESETS: dict[str, dict[str, Any]] = {
     "fast": {
-        "grid": _LEADER,
-        "prosumer": _FOLLOWER,
+        "grid": LEADER,
+        "prosumer": FOLLOWER,
     },
     "thorough": {
-        "grid": replace(_LEADER, epsilon_until=0.6),
+        "grid": replace(LEADER, epsilon_until=0.6),
         # Of two equally dear hours the sooner counts more: the grid can rely on when energy comes.
-        "prosumer": replace(_FOLLOWER, gamma=0.99, batch=64, lr_end=5e-4, average=0.995),
+        "prosumer": replace(FOLLOWER, gamma=0.99, batch=64, lr_end=5e-4, average=0.995),
         "steps": 12_000,
     },
     "paper": {

@@ -106,10 +106,7 @@ class Training:
     ) -> DQN:
         settings = self.settings
         clock = features.index("time_sin") if "time_sin" in features and settings.clock else None
-        return DQN(
-            networks, settings.days, len(features), actions, learning, learning.memory, learning.average,
-            self._generator, clock, model,
-        )  # fmt: skip
+        return DQN(networks, settings.days, len(features), actions, learning, self._generator, clock, model)
 
     @property
     def done(self) -> bool:

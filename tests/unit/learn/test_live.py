@@ -22,11 +22,17 @@ from zengrid.learn.live_agents import GridLearner, ProsumerLearner
 from zengrid.learn.live_settings import Live
 from zengrid.learn.memory import Memory
 from zengrid.learn.replay import Replay
+from zengrid.policy.file import Role
 from zengrid.policy.network import ProsumerNetwork
 
 NEVER = PAPER.with_(soc_reset="never")
 HOME = slice(1, 2)
-QUICK = {"slots": 400, "memory": 500}
+
+
+def quick(role: Role, seed: int = 0, **learning: Any) -> Live:
+    """Settings of a learner that is done with exploring, and forgets, within a test."""
+    live = Live.of(role, seed=seed, slots=400)
+    return replace(live, learning=replace(live.learning, memory=500, **learning))
 
 
 class OneHome:
@@ -68,9 +74,7 @@ class OneHome:
 
 
 def learner(seed: int = 0, **learning: Any) -> ProsumerLearner:
-    live = Live.of("prosumer", seed=seed, **QUICK)
-    live = replace(live, learning=replace(live.learning, every=1, **learning))
-    return ProsumerLearner("p2", market_facts(NEVER, ("p2",)), live)
+    return ProsumerLearner("p2", market_facts(NEVER, ("p2",)), quick("prosumer", seed, every=1, **learning))
 
 
 @pytest.mark.slow
@@ -116,7 +120,7 @@ def test_saved_and_restored_it_goes_on_exactly(tmp_path: Path) -> None:
 def test_what_does_not_fit_is_refused_and_kept(tmp_path: Path) -> None:
     path = tmp_path / "p2.pt"
     learner().save(path)
-    other = ProsumerLearner("p1", market_facts(NEVER, ("p1",)), Live.of("prosumer", **QUICK))
+    other = ProsumerLearner("p1", market_facts(NEVER, ("p1",)), quick("prosumer"))
     with pytest.raises(PolicyError, match="agent = p2, here it is p1"):
         other.restore(path)
     path.write_bytes(b"half a file")
@@ -154,8 +158,7 @@ def test_a_memory_without_gaps_is_a_plain_one() -> None:
 
 
 def test_the_grid_takes_the_price_that_really_held() -> None:
-    live = Live.of("grid", **QUICK)
-    grid = GridLearner(market_facts(NEVER), live)
+    grid = GridLearner(market_facts(NEVER), quick("grid"))
     vector = VectorMarket(NEVER.market(), (), np.array(NEVER.buy_prices))
     vector.begin(NEVER.days().day(0), NEVER.market().homes.soc_initial, 0)
     for number in range(30):
