@@ -36,7 +36,7 @@ PAGES = [
     "docs/security.md",
     "docs/several-machines.md",
 ]
-LEARNING = ["docs/learning.md", "docs/own-algorithm.md", "docs/own-data.md"]
+LEARNING = ["docs/learning.md", "docs/learning-live.md", "docs/own-algorithm.md", "docs/own-data.md"]
 ELSEWHERE = {
     "make": "installs; `make up` is taken for the command that it ends with",
     "source": "the environment is active already",
@@ -101,7 +101,7 @@ class Terminal:
         if background:
             self.start(command.partition("#")[0].rstrip(" &"), words)
             return
-        learns = words[1] in ("train", "evaluate") or "train_with_sb3" in command
+        learns = words[1] in ("train", "evaluate") or "--learn" in words or "train_with_sb3" in command
         command = re.sub(r"(train_with_sb3\.py)$", rf"\1 {SLOTS}", command)
         compare(shown, self.run("bash", "-c", command, ends_s=LEARNS_S if learns else ENDS_S))
 
