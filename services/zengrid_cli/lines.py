@@ -20,6 +20,8 @@ def line(status: Status) -> str:
     away = [agent.id for agent in status.agents if agent.presence != "present"]
     if away:
         parts.append(f"not there: {', '.join(away[:5])}{' ...' if len(away) > 5 else ''}")
+    if status.journal_wait_s:
+        parts.append(f"waiting for the journal for {status.journal_wait_s:.0f} s")
     if status.refused:
         parts.append(f"refused {sum(status.refused.values()):,}")
     return "  ".join(parts)

@@ -107,6 +107,12 @@ def up_parser() -> argparse.ArgumentParser:
         metavar="N",
         help="delete all but the last N days from the journal (default: keep all)",
     )
+    journal.add_argument(
+        "--journal-wait",
+        type=float,
+        metavar="S",
+        help="longest wait for a journal that cannot take a slot (default: an hour)",
+    )
     journal.add_argument("--resume", action="store_true", help="go on with the last run in the journal")
     journal.add_argument(
         "--durability", choices=["normal", "full"], default="normal", help="full: survive power loss, not only crashes"

@@ -51,7 +51,7 @@ class Plan:
         words = [it.scenario, "--listen", self.endpoint, "--run", it.run, "--journal", it.journal, *self._certs]
         words += ["--deadline", str(it.deadline), "--speed", f"{it.speed!r}x" if it.speed else "max"]
         words += ["--durability", it.durability, "--soc-reset", it.soc_reset]
-        for option in ("data", "seed", "days", "keep_days"):
+        for option in ("data", "seed", "days", "keep_days", "journal_wait"):
             value = getattr(it, option)
             if value is not None:
                 words += [f"--{option.replace('_', '-')}", str(value)]

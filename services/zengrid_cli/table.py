@@ -157,6 +157,8 @@ def difference(real: float, conventional: float, good: int, *, absolute: bool = 
 
 def _remarks(status: Status) -> list[RenderableType]:
     lines: list[str] = []
+    if status.journal_wait_s:
+        lines.append(f"waiting for the journal for {status.journal_wait_s:.0f} s")
     if status.refused:
         causes = ", ".join(f"{count:,} {cause.replace('_', ' ')}" for cause, count in sorted(status.refused.items()))
         lines.append(f"refused actions: {causes}")

@@ -78,6 +78,13 @@ def parser() -> argparse.ArgumentParser:
         help="delete all but the last N days from the journal (default: keep all)",
     )
     it.add_argument(
+        "--journal-wait",
+        type=float,
+        default=3600.0,
+        metavar="S",
+        help="longest wait for a journal that cannot take a slot, before the clock ends (default: %(default)s s)",
+    )
+    it.add_argument(
         "--resume", action="store_true", help="go on with the run of this name in the journal, if it has not ended"
     )
     it.add_argument(
@@ -139,6 +146,7 @@ def open_clock(options: argparse.Namespace, stack: ExitStack) -> Clock:
         wait_s=options.wait,
         paused=options.paused,
         max_homes=options.max_homes,
+        journal_wait_s=options.journal_wait,
     )
     # The hub first: agents that start at the same time can connect while the rest is made ready.
     hub = stack.enter_context(Hub(options.run, options.listen, certs=options.certs, insecure=options.insecure))

@@ -15,7 +15,7 @@ import numpy as np
 from zengrid import logs
 from zengrid.bus.hub import Event, Hub
 from zengrid.core.state import Action, Exogenous
-from zengrid.errors import JournalUnavailableError
+from zengrid.errors import JournalError, JournalUnavailableError
 from zengrid.journal import Totals
 from zengrid.wire.codec import encode
 from zengrid_clock.actions import CommandRange, read_commands, read_price
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 OFFER_INTERVAL_S = 0.1
 """How often an absent agent is sent an observation, so that a stuck one does not fill its link."""
 IDLE_S = 0.5
-"""Longest wait for an event, so that signals are noticed."""
+"""Longest wait for an event, so that signals are noticed; and how often a journal that is away is asked again."""
 TOTALS_SLOTS = 1000
 """How often what all slots add up to is journalled: a clock that resumes reads at most so many."""
 EVENTS_PER_LOOK = 1000
@@ -58,6 +58,8 @@ class ClockSettings:
     """How long to wait for the scenario's agents before the first slot."""
     paused: bool = False
     max_homes: int = 100_000
+    journal_wait_s: float = 3600.0
+    """How long to wait for a journal that cannot take a slot."""
 
 
 class Clock:
@@ -80,6 +82,9 @@ class Clock:
         self.totals = Totals(scenario.dt_h)
         self.retention: Retention | None = None
         self.refused: Counter[str] = Counter()
+        self.journal_waits = 0
+        self.journal_away_since: float | None = None
+        """While the journal cannot take a slot (monotonic)."""
         self.position = self.day = self.slot = 0
         self.buy_price = min(scenario.buy_prices)
         self.in_slot = False
@@ -197,24 +202,37 @@ class Clock:
         self.latencies.add(priced - began, answered - priced, committed - answered, committed)
 
     def _commit(self, record: SlotRecord, roster: RosterRecord | None) -> None:
-        """Put a slot into the journal; where that cannot take it, wait until it can, or until asked to end."""
+        """Put a slot into the journal; where that cannot take it, wait until it can, for too long, or asked to end."""
         totals = self.totals if self.position % TOTALS_SLOTS == 0 else None
         said = ""
         while True:
             try:
                 self.run.commit(record, roster, totals)
+                break
             except JournalUnavailableError as error:
-                if self.pace.state == "ended":
-                    raise
+                self._wait_for_journal(error)
                 if str(error) != said:
                     said = str(error)
                     logs.say(f"waiting: {said}", "warning", day=self.day, slot=self.slot)
-            else:
-                break
-            self._take(IDLE_S, None)
-        if said:
-            text = f"going on: slot {record.slot} of day {record.day} is settled"
+            until = time.monotonic() + IDLE_S
+            while (left := until - time.monotonic()) > 0:
+                self._take(left, None)
+        if self.journal_away_since is not None:
+            away_s = time.monotonic() - self.journal_away_since
+            self.journal_away_since = None
+            text = f"going on: slot {record.slot} of day {record.day} is settled, after {away_s:.1f} s"
             logs.say(text, "warning", day=record.day, slot=record.slot)
+
+    def _wait_for_journal(self, error: JournalUnavailableError) -> None:
+        """Count the wait, and end it where nobody wants to wait any longer."""
+        now = time.monotonic()
+        if self.journal_away_since is None:
+            self.journal_away_since = now
+            self.journal_waits += 1
+        if self.pace.state == "ended":
+            raise error
+        if now - self.journal_away_since >= self.settings.journal_wait_s:
+            raise JournalError(f"given up after {self.settings.journal_wait_s:g} s: {error}")
 
     def _advance(self) -> None:
         self.position += 1

@@ -33,6 +33,8 @@ def status(clock: Clock, *, homes: bool) -> Status:
         last=None if record is None else settled_slot(clock, record, homes=False),
         totals=_totals(clock),
         refused={**clock.refused, **clock.hub.overflowed},
+        journal_waits=clock.journal_waits,
+        journal_wait_s=0.0 if clock.journal_away_since is None else time.monotonic() - clock.journal_away_since,
         latency=clock.latencies.summary(),
         agents=tuple(
             AgentStatus(

@@ -85,6 +85,9 @@ def _market(status: Status) -> Iterator[Metric]:
     for cause, count in status.refused.items():
         refused.add_metric([cause], count)
     yield refused
+    waits, text = status.journal_waits, "How often a slot had to wait for the journal."
+    yield CounterMetricFamily("zengrid_journal_waits", text, value=waits)
+    yield _gauge("zengrid_journal_wait_seconds", "How long the market has been waiting for it.", status.journal_wait_s)
     yield from _latencies(status)
 
 

@@ -20,7 +20,7 @@ class JournalError(ZengridError):
 
 
 class JournalUnavailableError(JournalError):
-    """The journal cannot take a slot now (disk full, database away); nothing is lost, and it may be tried again."""
+    """The journal cannot be used now (disk full, database away, another writer): nothing is lost, later it may be."""
 
 
 class WireError(ZengridError):

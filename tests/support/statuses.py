@@ -62,7 +62,7 @@ def status(sizes: Sequence[int] = (1, 1, 1), scale: float = 1.0, **changes: Any)
             conventional_bills=100.0 * scale, reserve_kwh=70.0 * scale, conventional_reserve_kwh=100.0 * scale,
             curtailed_kwh=0.0, unserved_kwh=0.0,
         ),
-        "refused": {}, "latency": latency(),
+        "refused": {}, "journal_waits": 0, "journal_wait_s": 0.0, "latency": latency(),
         "agents": (grid, *(agent(name, size) for name, size in zip(names, sizes, strict=True))), "homes": columns,
     }  # fmt: skip
     return Status(**{**fields, **changes})

@@ -9,7 +9,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Self, TypeVar
 
-from zengrid.errors import JournalError
+from zengrid.errors import JournalError, JournalUnavailableError
 from zengrid.journal.database import Connection, Database, Durability, Row, Step, database, transact
 from zengrid.journal.run import Run
 from zengrid.journal.statements import SCHEMA_VERSION, Statements
@@ -100,16 +100,21 @@ class Journal:
     def query(self, sql: str, parameters: Row = ()) -> list[Row]:
         """Read with a connection that never makes the writer wait."""
         with self._reading:
-            try:
-                if self._reader is None:
-                    self._reader = self._database.connect()
-                rows = self._reader.execute(sql, parameters).fetchall()
-                if not self._database.lasting:
+            while True:
+                kept = self._reader is not None
+                try:
+                    if self._reader is None:
+                        self._reader = self._database.connect()
+                    rows = self._reader.execute(sql, parameters).fetchall()
+                    if not self._database.lasting:
+                        self._drop_reader()
+                    return rows
+                except self._database.errors as error:
                     self._drop_reader()
-                return rows
-            except self._database.errors as error:
-                self._drop_reader()
-                raise JournalError(f"journal {self.name} cannot be read: {error}") from error
+                    # A connection that was kept may have been lost since: another one tells.
+                    if not kept:
+                        reason = " ".join(str(error).split())
+                        raise JournalUnavailableError(f"journal {self.name} cannot be read: {reason}") from error
 
     @property
     def statements(self) -> Statements:
@@ -237,5 +242,6 @@ class Journal:
         if versions != [SCHEMA_VERSION]:
             raise JournalError(
                 f"journal {self.name} has schema version {', '.join(map(str, versions)) or 'none'}; this zengrid needs "
-                f"{SCHEMA_VERSION}: use the zengrid that wrote it, or another journal"
+                f"{SCHEMA_VERSION}: go on with the zengrid that wrote it; or export it with that one (zengrid export) and begin "
+                "a new journal (--journal)"
             )

@@ -8,7 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Self
 
-from zengrid.errors import JournalError
+from zengrid.errors import JournalUnavailableError
 
 
 class FileLock:
@@ -35,7 +35,7 @@ class FileLock:
             except BlockingIOError:
                 owner = os.read(descriptor, 20).decode() or "unknown"
                 os.close(descriptor)
-                raise JournalError(
+                raise JournalUnavailableError(
                     f"{thing} is being written by process {owner}: it has one writer at a time"
                 ) from None
             except BaseException:

@@ -6,11 +6,15 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
-from zengrid.errors import JournalError
+from zengrid.errors import JournalError, JournalUnavailableError
 from zengrid.journal.columns import HOME_ARRAYS
 from zengrid.journal.database import Connection, Durability, Step, transact
 
 CONNECT_TIMEOUT_S = 10
+KEEPALIVE = {"keepalives_idle": 10, "keepalives_interval": 5, "keepalives_count": 3}
+"""When a side that says nothing is given up, on both sides: systems wait for hours, and the lock with them. [s], [s]"""
+SILENT_MS = 25_000
+"""The same for what was sent and is not acknowledged."""
 LOCK_SPACE = 0x7A656E67
 """First key of the advisory locks ("zeng"); the second is the run, and 0 while tables are created."""
 
@@ -39,7 +43,7 @@ class PostgresDatabase:
             self._arguments, self._options = dialect.create_connect_args(parsed)
         except (ArgumentError, ValueError) as error:
             raise JournalError(f"journal = postgresql://...: not a URL ({error})") from error
-        self.name = parsed.render_as_string(hide_password=True)
+        self.name = parsed.set(drivername="postgresql").render_as_string(hide_password=True)
         self.errors: tuple[type[Exception], ...] = (psycopg.Error, OSError)
         self.statements = statements(dialect)
         self._durability = durability
@@ -48,8 +52,9 @@ class PostgresDatabase:
         """Open a connection."""
         import psycopg
 
-        options = {"connect_timeout": CONNECT_TIMEOUT_S, **self._options}
+        options = {"connect_timeout": CONNECT_TIMEOUT_S, **KEEPALIVE, "tcp_user_timeout": SILENT_MS, **self._options}
         connection = psycopg.connect(*self._arguments, autocommit=True, **options)
+        connection.execute("; ".join(f"SET tcp_{name} = {value}" for name, value in KEEPALIVE.items()))
         if self._durability == "full":
             connection.execute("SET synchronous_commit = on")
         return connection
@@ -72,7 +77,7 @@ class PostgresDatabase:
         got = connection.execute("SELECT pg_try_advisory_lock(%s, %s)", (LOCK_SPACE, run_id)).fetchone()
         if got != (True,):
             connection.close()
-            raise JournalError(
+            raise JournalUnavailableError(
                 f"journal {self.name}: run {run_name!r} is being written by another process: a run has one writer"
             )
         return PostgresWriter(connection)

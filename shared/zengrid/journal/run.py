@@ -42,8 +42,8 @@ class Run(RunView):
         Raises
         ------
         JournalUnavailableError
-            The database refused it. Nothing was stored, and the same record can be committed again once the cause is
-            mended.
+            The database refused it, is away, or lets another process write this run. The same record can be committed
+            again once the cause is mended, also where the database has stored it without being able to say so.
         JournalError
             The slot does not follow the last one or does not fit its roster.
         """
@@ -60,17 +60,25 @@ class Run(RunView):
             # Last but one: what a writer counts is the slot, which comes last.
             steps.insert(0, (self._sql.write_totals, (self.position, totals.encode(self._roster_version), self.id)))
         try:
-            if self._writer is not None or not self._stored(row):
-                self._open().commit(steps)
-        except self._database.errors as error:
-            # Whether the database has it can be unknown (a connection that broke): the next attempt looks first.
+            # After an attempt that failed it can be unknown whether the database has the slot (the connection broke
+            # before the answer). It is looked for under the lock: until then the lost connection may still commit.
+            again = self._writer is None
+            writer = self._open()
+            if not (again and self._stored(row)):
+                writer.commit(steps)
+        except BaseException as error:
             self._release()
-            raise JournalUnavailableError(
-                f"journal {self._database.name}: slot {record.slot} of day {record.day} is not settled, and can be "
-                f"committed again when this is mended: {error}"
-            ) from error
+            if isinstance(error, (*self._database.errors, JournalUnavailableError)):
+                raise JournalUnavailableError(
+                    f"journal {self._database.name}: slot {record.slot} of day {record.day} is not settled, and can be "
+                    f"committed again when this is mended: {' '.join(str(error).split())}"
+                ) from error
+            raise
         self.position += 1
         self._roster_version, self._homes = version, homes
+        if roster is not None:
+            # Whoever asks for the last slot must not depend on a database that may be away by then.
+            self._rosters[roster.version] = (record.position, roster)
 
     def finish(self) -> None:
         """The run is complete: it cannot be resumed, and its right to write is given back."""

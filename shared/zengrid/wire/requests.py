@@ -185,6 +185,8 @@ class Status(Message):
     last: SettledSlot | None = Field(description="The last settled slot.")
     totals: Totals
     refused: dict[str, int] = Field(description="Refused messages by cause.")
+    journal_waits: int = Field(description="How often a slot had to wait for the journal since the clock was started.")
+    journal_wait_s: float = Field(description="How long the market has been waiting for its journal [s]; 0: it is not.")
     latency: Latency
     agents: tuple[AgentStatus, ...]
     homes: HomesStatus | None

@@ -161,8 +161,7 @@ def test_a_lost_connection_is_opened_again(postgres: object, journal: Journal) -
     made = record(2, 3)
     with pytest.raises(JournalError, match="slot 3 of day 0 is not settled"):
         run.commit(made)
-    with pytest.raises(JournalError, match="cannot be read"):
-        run.count()
+    assert run.count() == 3, "readers connect again by themselves"
     run.commit(made)
     run.commit(record(2, 4))
     assert run.count() == 5

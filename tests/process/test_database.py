@@ -1,0 +1,165 @@
+"""A market whose PostgreSQL server goes away waits, loses nothing that was settled, and goes on when it is back."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from typing import Literal
+
+import pytest
+
+from support.databases import Line, Server, postgres_server
+from zengrid.journal import Journal
+from zengrid.testing import Market
+from zengrid.wire.codec import decode
+from zengrid.wire.slots import PublicSlot
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
+
+AGENTS = ("p1", "p2", "p3")
+PATIENCE_S = 120.0
+"""For a server or a clock that has to share the machine."""
+
+
+@pytest.fixture(scope="module")
+def postgres() -> Iterator[Server]:
+    with postgres_server() as server:
+        yield server
+
+
+class Follower:
+    """A market that is running with its journal at a URL, and every slot that anybody was told of."""
+
+    def __init__(self, market: Market) -> None:
+        self.market = market
+        self.told: list[PublicSlot] = []
+        market.start_agents(*AGENTS)
+        self._following = market.client.follow(lambda payload: self.told.append(decode(PublicSlot, payload)))
+        market.wait_for_slot(lambda slot: {"grid", *AGENTS} <= set(slot.acted), PATIENCE_S, "a slot of everyone")
+        market.wait_for_slots(30, PATIENCE_S)
+
+    def said(self, text: str, times: int = 1) -> None:
+        """Wait until the clock has said something so many times."""
+        clock = self.market.processes["clock"]
+        until = time.monotonic() + PATIENCE_S
+        while clock.said().count(text) < times:
+            assert clock.popen.poll() is None, "the clock has ended"
+            assert time.monotonic() < until, f"not said: {text}"
+            time.sleep(0.02)
+
+    def waits(self, times: int) -> None:
+        """The market stands still, says why, and counts it; operators are answered."""
+        status = self.market.wait_for_status(
+            lambda status: status.journal_wait_s > 0, PATIENCE_S, "a market that waits for its journal"
+        )
+        assert status.journal_waits == times
+        self.said("waiting: journal postgresql://", times)
+        again = self.market.client.control("status", homes=False)
+        assert again.totals.slots == status.totals.slots
+
+    def goes_on(self, times: int) -> None:
+        """The slot that waited is settled, and others follow."""
+        self.said("going on: slot", times)
+        self.market.wait_for_slots(30, PATIENCE_S)
+        status = self.market.client.control("status")
+        assert (status.journal_waits, status.journal_wait_s) == (times, 0.0)
+
+    def ends_soundly(self, url: str) -> None:
+        """Every slot is in the journal once, and is what everybody was told."""
+        self.market.client.control("stop")
+        assert self.market.processes["clock"].end(PATIENCE_S) == 0
+        verify(url)
+        with Journal.open(url, read_only=True) as journal:
+            (info,) = journal.runs()
+            (count,) = {journal.run().count(), info.slots}
+            kept: list[tuple[int, float, float]] = []
+            for block in journal.run().blocks(homes=False):
+                kept += zip(*(block[name].tolist() for name in ("position", "buy_price", "demand_kw")), strict=True)
+        until = time.monotonic() + PATIENCE_S
+        while self.told[-1].position < count - 1:
+            assert time.monotonic() < until, "the last slot was never told"
+            time.sleep(0.02)
+        told = [(slot.position, slot.buy_price, slot.demand_kw) for slot in self.told]
+        assert [position for position, _, _ in kept] == list(range(count))
+        assert told == kept[told[0][0] :]
+
+
+def verify(url: str) -> None:
+    """As an operator does."""
+    command = [sys.executable, "-m", "zengrid_cli", "journal", "verify", "--journal", url]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def market_at(url: str, *options: str) -> Market:
+    return Market("paper", ("--journal", url, *options))
+
+
+def test_a_market_waits_while_its_database_is_stopped(postgres: Server) -> None:
+    url = postgres.url(postgres.new_database())
+    with market_at(url) as market:
+        following = Follower(market)
+        modes: tuple[Literal["fast", "immediate"], ...] = ("fast", "immediate", "immediate", "fast")
+        for times, mode in enumerate(modes, 1):
+            postgres.stop(mode)
+            try:
+                following.waits(times)
+            finally:
+                postgres.start()
+            following.goes_on(times)
+        following.ends_soundly(url)
+
+
+def test_a_slot_that_was_committed_without_an_answer_is_settled_once(postgres: Server) -> None:
+    name = postgres.new_database()
+    with Line(postgres) as line, market_at(postgres.url(name, line.folder)) as market:
+        following = Follower(market)
+        for times in range(1, 6):
+            line.cut.clear()
+            line.cut_before_the_answer()
+            assert line.cut.wait(PATIENCE_S)
+            # The server holds the connection for alive, and with it the right to write: nobody may take that as another
+            # clock's.
+            following.waits(times)
+            following.said("is being written by another process", times)
+            committed = slots(postgres.url(name))
+            line.mend()
+            following.goes_on(times)
+            (slot,) = (told for told in following.told if told.position == committed - 1)
+            assert slot.acted, "the slot in doubt was played by agents, and told after it was found"
+        following.ends_soundly(postgres.url(name))
+
+
+def slots(url: str) -> int:
+    """How many are in the journal."""
+    with Journal.open(url, read_only=True) as journal:
+        return journal.run().count()
+
+
+def test_a_database_that_stays_away_ends_the_clock_which_can_be_resumed(postgres: Server) -> None:
+    url = postgres.url(postgres.new_database())
+    with market_at(url, "--journal-wait", "1") as market:
+        following = Follower(market)
+        clock = market.processes["clock"]
+        postgres.stop()
+        try:
+            assert clock.end(PATIENCE_S) == 1
+            last = clock.said().splitlines()[-1]
+            assert "given up after 1 s" in last
+            assert "can be committed again when this is mended" in last
+            # While it is away nothing begins, and that is said, too.
+            assert market.start_clock("--resume").end(PATIENCE_S) == 1
+            assert "cannot be opened" in market.processes["clock"].said()
+        finally:
+            postgres.start()
+        told = following.told[-1].position
+        # The server may have ended between a commit and its answer: then it holds one slot more than anybody heard of.
+        held = slots(url)
+        assert held in (told + 1, told + 2)
+        del following.told[:]
+        market.start_clock("--resume")
+        market.wait_for_slot(held + 30, PATIENCE_S)
+        assert following.told[0].position == held
+        following.ends_soundly(url)
