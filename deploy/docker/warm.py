@@ -5,9 +5,10 @@ from __future__ import annotations
 import importlib
 
 MODULES = (
-    "psycopg", "pyarrow.csv", "pyarrow.parquet", "rich.console", "rich.live", "sqlalchemy.dialects.postgresql",
-    "sqlalchemy.dialects.sqlite", "uvloop", "zengrid.journal", "zengrid.policy.optimum", "zengrid.scenario",
-    "zengrid_agent.grid", "zengrid_agent.prosumer", "zengrid_cli.export", "zengrid_cli.top", "zengrid_cli.up",
+    "psycopg", "pyarrow.csv", "pyarrow.parquet", "rich.console", "rich.live", "safetensors",
+    "sqlalchemy.dialects.postgresql", "sqlalchemy.dialects.sqlite", "uvloop", "zengrid.journal",
+    "zengrid.policy.network", "zengrid.policy.optimum", "zengrid.scenario", "zengrid_agent.grid",
+    "zengrid_agent.prosumer", "zengrid_cli.export", "zengrid_cli.top", "zengrid_cli.up",
     "zengrid_clock.market", "zengrid_clock.resume", "zengrid_clock.service", "zengrid_gateway.app",
     "zengrid_gateway.server", "zengrid_spawner.service",
 )  # fmt: skip

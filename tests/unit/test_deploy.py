@@ -42,14 +42,16 @@ def test_the_schemas_find_a_mistake() -> None:
 
 
 def test_pods_are_locked_and_their_options_are_those_of_the_commands() -> None:
-    assert len(PODS) == 4
+    settings = next(part["data"] for part in MANIFESTS if part["kind"] == "ConfigMap")
+    assert len(PODS) == 5
     for pod in PODS:
         assert pod["securityContext"]["runAsNonRoot"]
         (container,) = pod["containers"]
         assert container["securityContext"]["readOnlyRootFilesystem"]
         assert container["securityContext"]["capabilities"] == {"drop": ["ALL"]}
         assert {"readinessProbe", "startupProbe"} & set(container)
-        parse(container["args"])
+        assert container["envFrom"] == [{"configMapRef": {"name": "zengrid"}}]
+        parse([re.sub(r"\$\((\w+)\)", lambda name: settings[name[1]], word) for word in container["args"]])
 
 
 def test_commands_of_the_compose_file_are_understood() -> None:
