@@ -31,6 +31,8 @@ PAGES = [
     "README.md",
     "docs/getting-started.md",
     "docs/http.md",
+    "docs/journal.md",
+    "docs/operating.md",
     "docs/own-agent.md",
     "docs/scenarios.md",
     "docs/security.md",
@@ -41,16 +43,18 @@ ELSEWHERE = {
     "make": "installs; `make up` is taken for the command that it ends with",
     "source": "the environment is active already",
     "pip": "installs",
-    "docker": "needs Docker",
     "sudo": "measures, for minutes",
     "zenohd": "is no Python package",
 }
+CONTAINERS = {"docker": "needs Docker", "kubectl": "needs a cluster"}
+"""And so does whatever stands in the same block."""
 NEEDS = {
     "citylearn_challenge_2022_phase_all": "data that is not part of zengrid",
     "192.0.2.10": "another machine",
     "router.example": "another machine",
     "my-market.yaml": "a file of the reader's",
     "market-1": "a run of the reader's",
+    "away|back": "a process that was killed",
 }
 ENDS_S = 120.0
 LEARNS_S = 600.0
@@ -60,10 +64,10 @@ SLOTS = 1_000
 
 
 def commands(block: Block) -> Iterator[tuple[str, str]]:
-    """Commands of a block in order, each with what the page says it prints."""
-    for part in re.split(r"^\$ ", block.text, flags=re.MULTILINE)[1:]:
-        command, _, shown = part.partition("\n")
-        yield command, shown
+    """Commands of a block in order, each with what the page says it prints; none where containers are needed."""
+    parts = [part.partition("\n") for part in re.split(r"^\$ ", block.text, flags=re.MULTILINE)[1:]]
+    if not any(command.split()[0] in CONTAINERS for command, _, _ in parts):
+        yield from ((command, shown) for command, _, shown in parts)
 
 
 class Terminal:
@@ -86,7 +90,10 @@ class Terminal:
     def type(self, command: str, shown: str) -> None:
         """Run one command."""
         command = re.sub(r"^make up(?: ARGS=\"(.*)\")?", r"zengrid up \1", command)
+        command = command.removeprefix("nohup ")  # here nobody hangs up
         words = shlex.split(command, comments=True)
+        while "=" in words[0]:  # a setting for this command alone
+            words.pop(0)
         if words[0] in ELSEWHERE or any(need in command for need in NEEDS):
             return
         if words[0] == "curl" and shutil.which("curl") is None:
@@ -116,7 +123,7 @@ class Terminal:
         log = self.folder / f"command-{len(self.running)}.log"
         with log.open("wb") as out:
             process = subprocess.Popen(
-                ["bash", "-c", f"exec {command}"],
+                ["bash", "-c", re.sub(r"^((?:\w+=\S+ )*)", r"\1exec ", command)],
                 cwd=self.folder,
                 env=self.env,
                 stdin=subprocess.DEVNULL,
