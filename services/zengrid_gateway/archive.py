@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from starlette.requests import HTTPConnection
 
 from zengrid.bus.client import Client
-from zengrid.errors import JournalError
+from zengrid.errors import JournalError, JournalUnavailableError
 from zengrid.journal import Block, Journal, RunInfo, RunView
 from zengrid.wire.requests import Status
 from zengrid.wire.slots import HomeColumns, SettledSlot
@@ -151,6 +151,8 @@ class Archive:
             return await self.current()
         try:
             return JournalPast(await self._read(lambda journal: journal.run(name)))
+        except JournalUnavailableError:
+            raise
         except JournalError as error:
             raise Problem("not-found", f"run = {name}: {error}") from None
 

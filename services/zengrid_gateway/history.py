@@ -122,7 +122,7 @@ _FILES: dict[str, Any] = {
 }
 _ANSWERS: dict[int | str, dict[str, Any]] = {
     200: {"description": "JSON, CSV or Parquet", "content": _FILES},
-    **documented("market-away", "not-found", "invalid"),
+    **documented("market-away", "journal-away", "not-found", "invalid"),
 }
 
 

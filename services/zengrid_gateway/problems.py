@@ -12,7 +12,7 @@ from fastapi.exceptions import RequestValidationError
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.exceptions import HTTPException
 
-from zengrid.errors import BusError, RefusedError, ZengridError
+from zengrid.errors import BusError, JournalUnavailableError, RefusedError, ZengridError
 from zengrid_gateway import invalid
 from zengrid_gateway.invalid import FieldError
 
@@ -21,8 +21,9 @@ MAX_BODY_BYTES = 2 * 2**20
 MEDIA_TYPE = "application/problem+json"
 
 Kind = Literal[
-    "market-away", "agent-away", "no-slot", "no-spawner", "busy", "unauthorized", "forbidden", "not-found",
-    "method-not-allowed", "refused", "length-required", "too-large", "misdirected", "invalid", "too-many", "failed",
+    "market-away", "agent-away", "journal-away", "no-slot", "no-spawner", "busy", "unauthorized", "forbidden",
+    "not-found", "method-not-allowed", "refused", "length-required", "too-large", "misdirected", "invalid", "too-many",
+    "failed",
 ]  # fmt: skip
 
 CATALOGUE: Mapping[Kind, tuple[int, str, str]] = {
@@ -32,6 +33,7 @@ CATALOGUE: Mapping[Kind, tuple[int, str, str]] = {
         "run main: nobody listens at tcp/127.0.0.1:7447; the gateway goes on trying",
     ),
     "agent-away": (503, "The agent is away", "agent = p1: has no process that could answer"),
+    "journal-away": (503, "The journal is away", "journal zengrid.db cannot be read: unable to open database file"),
     "no-slot": (503, "No slot is settled yet", "run main: waits for its agents"),
     "no-spawner": (503, "Nobody can start prosumers", "run main: has no spawner; start one with: zengrid spawner"),
     "busy": (503, "Too many clients", "clients = 1000: 1000 may watch at a time; try again later"),
@@ -164,6 +166,8 @@ def _methods(request: Request) -> list[str]:
 async def _zengrid(request: Request, error: Exception) -> Response:
     if isinstance(error, BusError):
         return Problem("market-away", str(error)).response()
+    if isinstance(error, JournalUnavailableError):
+        return Problem("journal-away", str(error)).response()
     kind = REFUSALS.get(error.reason, "refused") if isinstance(error, RefusedError) else "invalid"
     inside = "body." if request.method == "POST" else ""
     return Problem(kind, str(error), errors=invalid.told(str(error), inside=inside)).response()

@@ -76,13 +76,13 @@ BookOf = Annotated[Book, Depends(_book)]
 RunName = Annotated[str, Path(max_length=80, pattern=r"^[\w.-]+$", examples=["main-1"])]
 
 
-@router.get("/v1/runs", responses=documented("not-found"))
+@router.get("/v1/runs", responses=documented("journal-away", "not-found"))
 async def runs(archive: ArchiveOf) -> Runs:
     """All runs of the journal."""
     return Runs(runs=[Run.of(info) for info in await archive.runs()])
 
 
-@router.get("/v1/runs/{run}/kpis", responses=documented("not-found", "invalid"))
+@router.get("/v1/runs/{run}/kpis", responses=documented("journal-away", "not-found", "invalid"))
 async def run_kpis(archive: ArchiveOf, book: BookOf, run: RunName) -> Kpis:
     """How a run of the journal fared beside the same days without demand response."""
     past = await archive.past(run)

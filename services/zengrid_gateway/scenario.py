@@ -37,7 +37,7 @@ EXAMPLE = {
                 "application/yaml": {"schema": {}, "example": EXAMPLE},
             }
         },
-        **documented("market-away", "not-found", "invalid"),
+        **documented("market-away", "journal-away", "not-found", "invalid"),
     },
 )
 async def scenario(

@@ -11,6 +11,7 @@ from typing import Literal
 import pytest
 
 from support.databases import Line, Server, postgres_server
+from support.gateways import gateway
 from zengrid.journal import Journal
 from zengrid.testing import Market
 from zengrid.wire.codec import decode
@@ -109,6 +110,28 @@ def test_a_market_waits_while_its_database_is_stopped(postgres: Server) -> None:
             finally:
                 postgres.start()
             following.goes_on(times)
+        following.ends_soundly(url)
+
+
+def test_a_gateway_says_that_the_journal_is_away_and_reads_on_when_it_is_back(postgres: Server) -> None:
+    url = postgres.url(postgres.new_database())
+    with market_at(url) as market:
+        following = Follower(market)
+        with gateway(market, "--journal", url) as page:
+            assert page.get("/v1/runs")["runs"]
+            postgres.stop()
+            try:
+                following.waits(1)
+                for path in ("/v1/runs", "/v1/history?limit=1", "/v1/runs/test-1/kpis"):
+                    assert page.get(path, 503)["type"] == "urn:zengrid:journal-away"
+                page.wait(
+                    "/metrics", lambda answer: "zengrid_journal_waits_total 1.0" in answer.text, "the wait counted"
+                )
+                assert page.get("/v1/price")["run"] == "test"
+            finally:
+                postgres.start()
+            following.goes_on(1)
+            assert page.get("/v1/history?limit=1")["rows"]
         following.ends_soundly(url)
 
 

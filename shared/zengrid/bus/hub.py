@@ -19,7 +19,7 @@ from zengrid.bus.alarm import Alarm
 from zengrid.bus.keys import Keys, agent_of, asker_of
 from zengrid.bus.linger import never_linger
 from zengrid.bus.session import DEFAULT_ENDPOINT, open_clock
-from zengrid.errors import ZengridError
+from zengrid.errors import JournalUnavailableError, ZengridError
 from zengrid.wire.codec import JSON, encode
 from zengrid.wire.requests import Refusal, RefusalReason
 
@@ -236,7 +236,7 @@ class Hub:
             try:
                 query.reply(answer(query.payload))
             except ZengridError as error:
-                query.refuse("invalid", str(error))
+                query.refuse("unavailable" if isinstance(error, JournalUnavailableError) else "invalid", str(error))
             except Exception as error:  # noqa: BLE001 - the asker must get an answer, whatever went wrong
                 query.refuse("unavailable", f"{type(error).__name__}: {error}")
 

@@ -236,12 +236,13 @@ class Journal:
                 self._database.create(self._reader)
             versions = [row[0] for row in self._reader.execute(self._database.statements.schema_version).fetchall()]
         except self._database.errors as error:
-            raise JournalError(f"journal {self.name} cannot be opened: {error}") from error
+            reason = " ".join(str(error).split())
+            raise JournalUnavailableError(f"journal {self.name} cannot be opened: {reason}") from error
         if not self._database.lasting:
             self._drop_reader()
         if versions != [SCHEMA_VERSION]:
             raise JournalError(
                 f"journal {self.name} has schema version {', '.join(map(str, versions)) or 'none'}; this zengrid needs "
-                f"{SCHEMA_VERSION}: go on with the zengrid that wrote it; or export it with that one (zengrid export) and begin "
-                "a new journal (--journal)"
+                f"{SCHEMA_VERSION}: go on with the zengrid that wrote it; or export it with that one (zengrid export) "
+                "and begin a new journal (--journal)"
             )
