@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import json
 import platform
 import sqlite3
@@ -49,8 +48,7 @@ def commit_us(place: Path, homes: int, slots: int, durability: Literal["normal",
     with Journal.open(place, durability=durability) as journal:
         run = journal.begin("benchmark", "", seed=0, dt_h=24 / SLOTS_PER_DAY, version="")
         for i in range(slots):
-            record = dataclasses.replace(
-                patterns[i % PATTERNS],
+            record = patterns[i % PATTERNS]._replace(
                 position=i,
                 day=i // SLOTS_PER_DAY,
                 slot=i % SLOTS_PER_DAY,

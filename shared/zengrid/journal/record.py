@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from operator import attrgetter
-from typing import Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +14,14 @@ from zengrid.journal.database import Row
 
 Floats = NDArray[np.float64]
 
-_counts, _figures = attrgetter(*COUNTS), attrgetter(*FIGURES)
-_facility_arrays, _home_arrays = attrgetter(*FACILITY_ARRAYS), attrgetter(*HOME_ARRAYS)
+_FIGURES = len(COUNTS)
+_FACILITIES = _FIGURES + len(FIGURES)
+_HOMES = _FACILITIES + len(FACILITY_ARRAYS)
+"""Where the kinds of columns begin."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SlotRecord:
-    """What the clock settled for one slot.
+class SlotRecord(NamedTuple):
+    """What the clock settled for one slot, in the order of the journal's columns.
 
     Powers are means over the slot [kW], money is for the whole slot [$]; signs and names are those of
     ``zengrid.core.state.Settlement``. What is called conventional belongs to the twin without demand response.
@@ -32,6 +31,9 @@ class SlotRecord:
     """0, 1, 2, ... in its run, without a gap"""
     day: int
     slot: int
+    roster_version: int
+    grid_fallback: bool
+    """the grid agent did not answer: its last price was kept"""
     settled_at: float
     """Unix time [s]"""
     buy_price: float
@@ -54,13 +56,13 @@ class SlotRecord:
     unserved_kw: float
     home_unserved_kw: float
     """sum over the homes"""
+    conventional_profit: float
     facility_kw: Floats
     """(facility,)"""
     facility_cost: Floats
     """(facility,)"""
-    grid_fallback: bool
-    """the grid agent did not answer: its last price was kept"""
-    roster_version: int
+    conventional_facility_kw: Floats
+    """(facility,)"""
     soc: Floats
     """(home,) at the end of the slot [-]"""
     battery_kw: Floats
@@ -73,15 +75,12 @@ class SlotRecord:
     """(home,)"""
     bill: Floats
     """(home,)"""
-    fallback: NDArray[np.bool_]
-    """(home,) its agent did not answer: the conventional rule was used"""
     conventional_soc: Floats
     """(home,) at the end of the slot [-]"""
     conventional_bill: Floats
     """(home,)"""
-    conventional_profit: float
-    conventional_facility_kw: Floats
-    """(facility,)"""
+    fallback: NDArray[np.bool_]
+    """(home,) its agent did not answer: the conventional rule was used"""
 
     @classmethod
     def of(
@@ -136,16 +135,15 @@ class SlotRecord:
 
     def encode(self, homes: int) -> Row:
         """The row of this record; every array of homes must hold ``homes`` values."""
-        arrays = _home_arrays(self)
-        for name, array in zip(HOME_ARRAYS, arrays, strict=True):
+        cells: tuple[Any, ...] = self
+        for name, array in zip(HOME_ARRAYS, cells[_HOMES:], strict=True):
             if array.shape != (homes,):
                 raise JournalError(f"{name} has shape {array.shape}: the roster has {homes} homes")
         return (
-            *map(int, _counts(self)),
-            *map(float, _figures(self)),
-            *(array.astype(FLOAT, copy=False).tobytes() for array in _facility_arrays(self)),
-            *(array.astype(FLOAT, copy=False).tobytes() for array in arrays[:-1]),
-            arrays[-1].astype(np.uint8, copy=False).tobytes(),
+            *map(int, cells[:_FIGURES]),
+            *map(float, cells[_FIGURES:_FACILITIES]),
+            *[array.astype(FLOAT, copy=False).tobytes() for array in cells[_FACILITIES:-1]],
+            self.fallback.astype(np.uint8, copy=False).tobytes(),
         )
 
     @classmethod

@@ -21,6 +21,7 @@ class Run(RunView):
         self._database = database
         self._writer: Writer | None = None
         self._closed = False
+        self._slots_per_day = info.slots_per_day
         self._open()
         try:
             self.position = self._checked_count()
@@ -49,6 +50,11 @@ class Run(RunView):
         """
         if record.position != self.position:
             raise JournalError(f"position = {record.position}: run {self.name!r} goes on at position {self.position}")
+        if record.day * self._slots_per_day + record.slot != self.position:
+            raise JournalError(
+                f"day = {record.day}, slot = {record.slot}: position {self.position} of a run with "
+                f"{self._slots_per_day} slots a day is another"
+            )
         version, homes = self._follows(roster) if roster is not None else (self._roster_version, self._homes)
         if record.roster_version != version:
             raise JournalError(f"roster_version = {record.roster_version}: the roster in force is version {version}")

@@ -10,12 +10,15 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from zengrid.errors import JournalError
+from zengrid.journal.columns import COUNTS, FIGURES
 from zengrid.journal.database import Connection, Durability, Step, transact
 from zengrid.journal.lock import FileLock
 from zengrid.journal.sqlite_statements import SQLITE
 
 BUSY_S = 5.0
 """How long to wait for another run that is writing to the same file."""
+_ARRAYS = 1 + len(COUNTS) + len(FIGURES)
+"""Where the arrays of a slot begin, after its run, counts and figures."""
 CHECKPOINT_BYTES = 8 * 2**20
 """After how much new log it is copied into the database."""
 LOG_PAGES_MAX = 16_384
@@ -34,6 +37,7 @@ class SqliteDatabase:
         self.name = str(path)
         self.lasting = True
         self._path = path.absolute()
+        self._file = str(self._path)
         self._inode: int | None = None
         self._mode = "ro" if read_only else "rwc"
         self._synchronous = "FULL" if durability == "full" else "NORMAL"
@@ -56,7 +60,7 @@ class SqliteDatabase:
 
     def check_present(self) -> None:
         """SQLite goes on writing to a file that was deleted or replaced, where nobody would ever find it."""
-        found = os.stat(self._path).st_ino  # noqa: PTH116 - for every slot, and a third of the time of Path.stat
+        found = os.stat(self._file).st_ino  # noqa: PTH116 - for every slot, and a third of the time of Path.stat
         if self._inode is None:
             self._inode = found
         elif found != self._inode:
@@ -130,7 +134,7 @@ class SqliteWriter:
             self._connection.execute(*steps[0])
         else:
             transact(self._connection, [self._database.begin], steps)
-        self._checkpointer.wrote(sum(len(cell) for cell in steps[-1][1] if type(cell) is bytes))
+        self._checkpointer.wrote(sum(map(len, steps[-1][1][_ARRAYS:])))
 
     def close(self) -> None:
         """Give the right back; what was not committed is undone."""
@@ -142,8 +146,8 @@ class SqliteWriter:
 class _Checkpointer:
     """Copies the log into the database in a thread of its own: the sync to disk it needs must not stop a slot."""
 
-    _PAGES_BYTES = 4 * 4096
-    """What a slot adds to the log besides its arrays: whole pages of the table and of two indexes."""
+    _PAGES_BYTES = 2 * 4096
+    """What a slot adds to the log besides its arrays: pages are written whole."""
 
     def __init__(self, database: SqliteDatabase) -> None:
         self._database = database

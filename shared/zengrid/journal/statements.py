@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 """Changes with the tables: a journal of another version is refused."""
 
 
@@ -40,8 +40,6 @@ class Statements:
     """(run_id, since, until)"""
     delete_rosters: str
     """(run_id, version): all rosters before it"""
-    day_positions: str
-    """(run_id, first day, day after the last) -> first and last position"""
     insert_roster: str
     """(run_id, version, position, body)"""
     rosters: str

@@ -22,7 +22,6 @@ from sqlalchemy import (
     MetaData,
     Table,
     Text,
-    UniqueConstraint,
     bindparam,
     delete,
     func,
@@ -75,7 +74,8 @@ SLOT = Table(
     *(Column(name, Integer, nullable=False, primary_key=name == "position") for name in COUNTS),
     *(Column(name, Double, nullable=False) for name in FIGURES),
     *(Column(name, LargeBinary, nullable=False) for name in (*FACILITY_ARRAYS, *HOME_ARRAYS)),
-    UniqueConstraint("run_id", "day", "slot"),
+    # One tree instead of a table and an index beside it: a commit writes half as many pages.
+    sqlite_with_rowid=False,
 )
 
 
@@ -138,12 +138,6 @@ def statements(dialect: Dialect) -> Statements:
         delete_rosters=text(
             delete(ROSTER).where(ROSTER.c.run_id == run_id, ROSTER.c.version < bindparam("version")),
             "run_id", "version",
-        ),
-        day_positions=text(
-            select(func.min(SLOT.c.position), func.max(SLOT.c.position)).where(
-                of_run, SLOT.c.day >= bindparam("since"), SLOT.c.day < bindparam("until")
-            ),
-            "run_id", "since", "until",
         ),
         insert_roster=text(insert(ROSTER), "run_id", "version", "position", "body"),
         rosters=text(

@@ -46,6 +46,11 @@ class RunInfo:
     slots: int
     """Settled so far, pruned ones included"""
 
+    @property
+    def slots_per_day(self) -> int:
+        """Position = day x slots of a day + slot."""
+        return round(24.0 / self.dt_h)
+
 
 class RunView:
     """Reads one run, also while another process writes it."""
@@ -140,8 +145,9 @@ class RunView:
 
     def days(self, first: int = 0, until: int | None = None) -> range:
         """Positions of the slots of the days from ``first`` up to, without, ``until``."""
-        low, high = self._query(self._sql.day_positions, (self.id, first, UNLIMITED if until is None else until))[0]
-        return range(0) if low is None else range(max(low, self.kept_from()), high + 1)
+        each, count = self.info.slots_per_day, self.count()
+        end = count if until is None else min(until * each, count)
+        return range(max(first * each, self.kept_from()), end)
 
     def rosters(self) -> list[tuple[int, Roster]]:
         """Every roster with the position it counts from, in order."""

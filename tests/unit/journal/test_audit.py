@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from support.journals import begin, changed, fill, record, roster
+from support.journals import SLOTS_PER_DAY, begin, changed, fill, record, roster
 from support.markets import Slot, slots
 from zengrid.core.settle import settle
 from zengrid.journal import Journal, SlotRecord
-from zengrid.journal.audit import FINDINGS_MAX, _balances, audit
+from zengrid.journal.audit import FINDINGS_MAX, _balances, _sequence, audit
 from zengrid.journal.block import Block
 from zengrid.journal.columns import COLUMNS
 
@@ -83,11 +83,13 @@ def test_what_is_no_number_is_found(journal: Journal) -> None:
     assert "position 1 (day 0, slot 1): soc of home h1 is 1.5" in findings
 
 
-def test_a_day_too_short_is_found(journal: Journal) -> None:
-    run = begin(journal)
-    fill(run, homes=2, count=2)
-    run.commit(changed(record(2, 2), day=1, slot=0))
-    assert audit(run) == ["position 1 (day 0, slot 1) is followed by position 2 (day 1, slot 0)"]
+def test_a_day_too_short_is_found() -> None:
+    slots = [record(2, 0), record(2, 1), changed(record(2, 2), day=1, slot=0)]
+    block = Block(
+        roster(2), {name: np.stack(column) for name, column in zip(COLUMNS, zip(*slots, strict=True), strict=True)}
+    )
+    found = _sequence(block, None, SLOTS_PER_DAY, since=0)
+    assert found == ["position 1 (day 0, slot 1) is followed by position 2 (day 1, slot 0)"]
 
 
 def test_findings_end_somewhere(journal: Journal) -> None:

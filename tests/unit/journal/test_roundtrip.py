@@ -42,7 +42,7 @@ def any_record(draw: st.DrawFn, homes: int) -> SlotRecord:
     values |= {name: draw(arrays(np.float64, facilities)) for name in FACILITY_ARRAYS}
     values |= {name: draw(arrays(np.float64, homes)) for name in HOME_ARRAYS[:-1]}
     values |= {"fallback": draw(arrays(np.bool_, homes)), "grid_fallback": draw(st.booleans())}
-    return SlotRecord(**values | {"position": 0, "roster_version": 1})
+    return SlotRecord(**values | {"position": 0, "day": 0, "slot": 0, "roster_version": 1})
 
 
 @st.composite

@@ -111,7 +111,7 @@ def test_a_slot_of_a_day_is_settled_once(journal: Journal) -> None:
 
     run = begin(journal)
     fill(run, homes=2, count=3)
-    with pytest.raises(JournalError, match="slot 1 of day 0 is not settled"):
+    with pytest.raises(JournalError, match="day = 0, slot = 1: position 3 of a run with 96 slots a day is another"):
         run.commit(changed(record(2, 3), slot=1))
     run.commit(record(2, 3))
     assert [made.slot for made in run.records()] == [0, 1, 2, 3]
