@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zengrid.core.baselines import conventional
-from zengrid.core.home import battery_step
 from zengrid.core.settle import settle
 from zengrid.core.state import Action, Exogenous, Settlement
 from zengrid.scenario import homes_params
@@ -51,7 +50,7 @@ class LiveMarket:
     """One market, slot after slot, with homes that come and go.
 
     Beside the real market runs its twin without demand response: the same homes on the same days under the
-    conventional rule and price. It depends on nobody's action, so a whole day of it is computed at once.
+    conventional rule and price.
     """
 
     def __init__(self, scenario: Scenario, days: Days) -> None:
@@ -85,13 +84,12 @@ class LiveMarket:
         self._load_day()
 
     def _load_day(self) -> None:
-        """Profiles of the homes that are there now, and what follows from them alone for the rest of the day."""
+        """Profiles of the homes that are there now, and what the conventional rule commands them."""
         self._profile = self._days_ahead(self.day)
         if self.homes != self.scenario.home_ids:
             pv_kw, load_kw = self._days.homes_day(self.specs, self.day)
             self._profile = self._profile._replace(pv_kw=pv_kw, load_kw=load_kw)
-        self._profiles = [self._profile.slot(slot) for slot in range(self.slots_per_day)]
-        self._plan_conventional()
+        self._command = conventional(self._profile.pv_kw, self._profile.load_kw, self.market.homes)
 
     def _days_ahead(self, day: int) -> Exogenous:
         """A day of the scenario; some are made at once, because one by one each costs as much as all of them."""
@@ -101,20 +99,6 @@ class LiveMarket:
             block = self._days.days(numbers)
             self._ahead = {int(number): Exogenous(*(column[i] for column in block)) for i, number in enumerate(numbers)}
         return self._ahead[day]
-
-    def _plan_conventional(self) -> None:
-        """The rest of the day without demand response: only the stored energy must be followed slot by slot."""
-        self._command = conventional(self._profile.pv_kw, self._profile.load_kw, self.market.homes)
-        path, soc = [], self.conventional_soc
-        for command in self._command[self.slot :]:
-            path.append(soc)
-            _, soc = battery_step(soc, command, self.market)
-        self._twin_start = self.slot
-        if path:
-            rest = Exogenous(*(column[self.slot :] for column in self._profile))
-            price = np.full(len(path), self.scenario.conventional_buy_price)
-            day = settle(np.stack(path), Action(price, self._command[self.slot :]), rest, self.market)
-            self._twin = [Settlement(*row) for row in zip(*day, strict=True)]
 
     def sell_prices(self, day: int) -> list[float]:
         """The posted tariff of a day, one price a slot. [$/kWh]"""
@@ -127,11 +111,12 @@ class LiveMarket:
 
     def profile(self, slot: int) -> Exogenous:
         """PV, loads and tariff of one slot of the current day."""
-        return self._profiles[slot]
+        return self._profile.slot(slot)
 
-    def twin(self, slot: int) -> Settlement:
-        """One slot of the current day without demand response."""
-        return self._twin[slot - self._twin_start]
+    def twin(self, slot: int, exogenous: Exogenous) -> Settlement:
+        """The coming slot without demand response."""
+        price = np.asarray(self.scenario.conventional_buy_price)
+        return settle(self.conventional_soc, Action(price, self._command[slot]), exogenous, self.market)
 
     def fallback(self, slot: int) -> Floats:
         """Commands for homes whose agent does not answer, from the conventional rule; a copy to write into."""

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
+from pydantic_core import to_json
 
 from zengrid.core.state import Exogenous
 from zengrid.wire.codec import BINARY, JSON, encode_fields
@@ -27,8 +29,9 @@ class Settled(NamedTuple):
 class Observer:
     """Builds observations as bytes in the encoding that the agent asked for.
 
-    What all agents are told alike is put together once a phase by ``look``; ``tell`` adds an agent's own part. The
-    fields are those of ``FleetObservation`` and ``GridObservation``.
+    What all agents are told alike is put together once a phase by ``look``; ``tell`` adds an agent's own part. What
+    prosumers are told is known, but for the price, before the grid agent has set it: ``write_ahead`` uses the time in
+    which it thinks. The fields are those of ``FleetObservation`` and ``GridObservation``.
     """
 
     def __init__(self, run: str, market: LiveMarket) -> None:
@@ -40,11 +43,12 @@ class Observer:
         self._settled_head: dict[str, Any] | None = None
         self._arrays: tuple[Columns, Columns] = ({}, {})
         self._lists: tuple[Columns, Columns] | None = None
+        self._written: dict[str, bytes] = {}
+        """JSON of each prosumer agent up to its last field, the price"""
+        self._rest = b""
 
-    def look(
-        self, moment: Moment, exogenous: Exogenous, buy_price: float, deadline_s: float, *, end: bool = False
-    ) -> None:
-        """Take in the market at one moment: before the price is set, after it, or at the end."""
+    def look(self, moment: Moment, exogenous: Exogenous, deadline_s: float, *, end: bool = False) -> None:
+        """Take in the market at one moment: before the price is set, for those who answer to it, or at the end."""
         market, last = self.market, self.market.last
         self._head = {
             "v": 1,
@@ -61,18 +65,35 @@ class Observer:
             self._settled_head = {"v": 1, **self.settled._asdict()}
         if moment.phase == "price":
             return
-        self._buy_price = buy_price
         own = {"soc": market.soc, "pv_kw": exogenous.pv_kw, "load_kw": exogenous.load_kw}
         outcome: Columns = {}
         if last is not None:
             outcome = {"reward": -last.bill, "battery_kw": last.battery_kw, "injection_kw": last.injection_kw}
         self._arrays, self._lists = (own, outcome), None
+        self._written = {}
+
+    def write_ahead(self, agents: Iterable[Agent]) -> None:
+        """Write all but the price, after a look at what prosumers are to be told."""
+        for agent in agents:
+            if agent.encoding == "json":
+                self._written[agent.id] = self._without_price(agent)
+
+    def set_price(self, buy_price: float) -> None:
+        """The price that prosumers are told. [$/kWh]"""
+        self._buy_price = buy_price
+        self._rest = b',"buy_price":%b}' % to_json(buy_price)
 
     def tell(self, agent: Agent) -> tuple[bytes, str]:
         """An agent's observation (paper eq. 14 and 15), and its encoding."""
-        fields = self._grid(agent) if agent.role == "grid" else self._fleet(agent)
         encoding = BINARY if agent.encoding == "binary" else JSON
-        return encode_fields(fields, encoding), encoding
+        if agent.role == "grid":
+            return encode_fields(self._grid(agent), encoding), encoding
+        if encoding == JSON:
+            return (self._written.get(agent.id) or self._without_price(agent)) + self._rest, JSON
+        return encode_fields({**self._fleet(agent), "buy_price": self._buy_price}, BINARY), BINARY
+
+    def _without_price(self, agent: Agent) -> bytes:
+        return encode_fields(self._fleet(agent)).removesuffix(b"}")
 
     def _grid(self, agent: Agent) -> dict[str, Any]:
         last = self.market.last
@@ -106,7 +127,7 @@ class Observer:
             settled = {**self._settled_head, "fallback": not agent.acted_last}
             for name, column in outcome.items():
                 settled[name] = column[mine]
-        fields = {**self._head, "buy_price": self._buy_price, "settled": settled}
+        fields = {**self._head, "settled": settled}
         for name, column in own.items():
             fields[name] = column[mine]
         return fields

@@ -147,7 +147,8 @@ class Clock:
         self._publish_last()
         none = np.zeros(len(self.market.homes))
         nothing = Exogenous(none, none, np.zeros(0), np.zeros(()))
-        self.observer.look(Moment(self.day, self.slot, "battery"), nothing, 0.0, self.pace.deadline_s, end=True)
+        self.observer.look(Moment(self.day, self.slot, "battery"), nothing, self.pace.deadline_s, end=True)
+        self.observer.set_price(0.0)
         for agent in self.roster:
             if agent.presence != "away":
                 send = self.hub.observe if agent.presence == "present" else self.hub.offer
@@ -166,17 +167,23 @@ class Clock:
         exogenous = self.market.profile(self.slot)
         agents = list(self.roster.prosumers.values())
 
-        barrier = self._open("price", [self.roster.grid], exogenous)
-        # While the grid agent thinks: tell the world of the last slot, and get ready what this one needs.
+        moment = Moment(self.day, self.slot, "price")
+        self.observer.look(moment, exogenous, self.pace.deadline_s)
+        barrier = self._open(moment, [self.roster.grid])
+        # While the grid agent thinks: tell the world of the last slot, and get ready all that does not need the price.
         self._publish_last()
-        twin = self.market.twin(self.slot)
+        moment = Moment(self.day, self.slot, "battery")
+        self.observer.look(moment, exogenous, self.pace.deadline_s)
+        self.observer.write_ahead(agents)
+        twin = self.market.twin(self.slot, exogenous)
         command = self.market.fallback(self.slot)
         self._collect(barrier)
         self._conclude(barrier, self.roster.grid)
         self.buy_price = barrier.answers.get(GRID, self.buy_price)
         priced = time.perf_counter()
 
-        barrier = self._open("battery", agents, exogenous)
+        self.observer.set_price(self.buy_price)
+        barrier = self._open(moment, agents)
         self._collect(barrier)
         for agent in agents:
             self._conclude(barrier, agent)
@@ -254,10 +261,8 @@ class Clock:
 
     # ---------------------------------------------------------------- one phase
 
-    def _open(self, phase: Any, agents: list[Agent], exogenous: Exogenous) -> Barrier[Any]:
+    def _open(self, moment: Moment, agents: list[Agent]) -> Barrier[Any]:
         """Send everyone its observation and start waiting."""
-        moment = Moment(self.day, self.slot, phase)
-        self.observer.look(moment, exogenous, self.buy_price, self.pace.deadline_s)
         present, absent = [], []
         for agent in agents:
             presence = agent.presence
