@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import socket
-import ssl
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -83,6 +81,10 @@ class Credentials:
 
     def refusal(self, endpoint: str) -> str | None:
         """Why two sides do not accept each other's certificate; None where that is not what keeps them apart."""
+        # Wanted only where no link comes about, and a megabyte in each process.
+        import socket
+        import ssl
+
         host, port = address_of(endpoint)
         try:
             context = ssl.create_default_context(cafile=self.authority)

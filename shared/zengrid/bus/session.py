@@ -17,7 +17,6 @@ os.environ.setdefault(
 
 import zenoh
 
-from zengrid.bus.access import Names, limits
 from zengrid.bus.credentials import CLOCK, Credentials, secured
 from zengrid.errors import BusError, SecurityError
 
@@ -71,6 +70,8 @@ def open_clock(
         )
     guarded: dict[str, Any] = {}
     if credentials is not None:
+        from zengrid.bus.access import Names, limits  # two megabytes, and only the clock has a list
+
         guarded = {**credentials.settings(), **limits(Names.load(credentials.folder), run)}
     return _open(
         {
