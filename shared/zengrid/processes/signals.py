@@ -6,6 +6,8 @@ import signal
 from typing import Self
 
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+SOON_S = 1e-6
+"""The shortest time that an alarm can be set to. [s]"""
 
 
 class Signals:
@@ -16,7 +18,7 @@ class Signals:
 
     def __init__(self) -> None:
         asked = [number for number in ENDING if signal.getsignal(number) is not signal.SIG_IGN]
-        self._taken = {signal.SIGCHLD, *asked}
+        self._taken = {signal.SIGCHLD, signal.SIGALRM, *asked}
 
     def __enter__(self) -> Self:
         self._before = signal.pthread_sigmask(signal.SIG_BLOCK, self._taken)
@@ -29,7 +31,11 @@ class Signals:
 
     def wait(self, timeout_s: float) -> signal.Signals | None:
         """The signal that asks to end, or None once a child has ended or the time is up."""
-        taken = signal.sigtimedwait(self._taken, max(timeout_s, 0.0))
-        if taken is None or taken.si_signo == signal.SIGCHLD:
-            return None
-        return signal.Signals(taken.si_signo)
+        # An alarm tells that it is: where a process was stopped for longer than it meant to wait (Ctrl-Z),
+        # ``signal.sigtimedwait`` returns a signal that nobody sent.
+        signal.setitimer(signal.ITIMER_REAL, max(timeout_s, SOON_S))
+        try:
+            taken = signal.Signals(signal.sigwaitinfo(self._taken).si_signo)
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+        return None if taken in (signal.SIGCHLD, signal.SIGALRM) else taken
