@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from zengrid.policy.network import GridNetwork
 from zengrid.policy.registry import make_grid_policy
 from zengrid.policy.views import GridView
 from zengrid.wire.requests import JoinReply, JoinRequest, PolicyReply, PolicyRequest
-from zengrid.wire.slots import GridAction, GridObservation
+from zengrid.wire.slots import GridObservation
 from zengrid_agent.answers import policy_reply, slot_of
 from zengrid_agent.facts import market_facts
 from zengrid_agent.learning import Learning
@@ -41,7 +42,7 @@ class Grid(AgentSession[GridObservation]):
             elif self.wish.policy == "trained":
                 self.say(f"grid plays {trained.for_grid(self._facts).why}")
 
-    def act(self, seen: GridObservation) -> GridAction:
+    def act(self, seen: GridObservation) -> dict[str, Any]:
         """Set the price."""
         assert self._facts is not None
         view = GridView(
@@ -65,15 +66,7 @@ class Grid(AgentSession[GridObservation]):
             price = learner.act(view)
         if price is None:
             price = float(self._policy.act(view))
-        return GridAction.trusted(
-            v=1,
-            run=seen.run,
-            day=seen.day,
-            slot=seen.slot,
-            phase="price",
-            instance=self.wish.instance,
-            buy_price=price,
-        )
+        return {"buy_price": price}
 
     def answer(self, wish: PolicyRequest) -> PolicyReply:
         """What the policy would do, row by row."""

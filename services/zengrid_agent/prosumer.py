@@ -21,7 +21,7 @@ from zengrid.policy.views import ProsumerPolicy, ProsumerView
 from zengrid.scenario.home import HomeSpec
 from zengrid.wire.codec import explain
 from zengrid.wire.requests import JoinReply, JoinRequest, PolicyReply, PolicyRequest
-from zengrid.wire.slots import FleetAction, FleetObservation
+from zengrid.wire.slots import FleetObservation
 from zengrid_agent.answers import policy_reply, slot_of
 from zengrid_agent.facts import market_facts
 from zengrid_agent.learning import Learning
@@ -66,7 +66,7 @@ class Prosumer(AgentSession[FleetObservation]):
         described = {home.id: home for home in (*scenario.homes, *(self.wish.homes or ()))}
         return foresight_of(scenario, [described[home.id] for home in market.homes])
 
-    def act(self, seen: FleetObservation) -> FleetAction:
+    def act(self, seen: FleetObservation) -> dict[str, Any]:
         """Command every battery."""
         view = ProsumerView(
             seen.day,
@@ -88,15 +88,7 @@ class Prosumer(AgentSession[FleetObservation]):
             battery_kw = learner.act(view)
         if battery_kw is None:
             battery_kw = self._policy.act(view)
-        return FleetAction.trusted(
-            v=1,
-            run=seen.run,
-            day=seen.day,
-            slot=seen.slot,
-            phase="battery",
-            instance=self.wish.instance,
-            battery_kw=battery_kw,
-        )
+        return {"battery_kw": battery_kw}
 
     def answer(self, wish: PolicyRequest) -> PolicyReply:
         """What the policy would do with one home, row by row."""

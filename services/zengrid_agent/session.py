@@ -7,14 +7,14 @@ import secrets
 import signal
 from abc import ABC, abstractmethod
 from types import FrameType
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 from zengrid import logs
 from zengrid.bus.agent import AgentLink
 from zengrid.errors import ZengridError
-from zengrid.wire.codec import decode, encode
+from zengrid.wire.codec import decode, encode_fields
 from zengrid.wire.requests import JoinReply, JoinRequest, PolicyReply, PolicyRequest
-from zengrid.wire.slots import FleetAction, FleetObservation, GridAction, GridObservation
+from zengrid.wire.slots import FleetObservation, GridObservation
 from zengrid_agent.learning import Learning
 
 Seen = TypeVar("Seen", GridObservation, FleetObservation)
@@ -54,8 +54,8 @@ class AgentSession(ABC, Generic[Seen]):
         """Get ready for the market that was joined; called again when the clock was restarted."""
 
     @abstractmethod
-    def act(self, seen: Seen) -> GridAction | FleetAction:
-        """Answer an observation."""
+    def act(self, seen: Seen) -> dict[str, Any]:
+        """What to do: the field that makes an action of what every action holds."""
 
     @abstractmethod
     def answer(self, wish: PolicyRequest) -> PolicyReply:
@@ -121,11 +121,23 @@ class AgentSession(ABC, Generic[Seen]):
             # After a pause of this process only the newest observation is still awaited.
             newer = self.link.pending()
             if newer is None:
-                self.link.act(encode(self.act(seen), arrival.encoding), arrival.encoding)
+                self.link.act(encode_fields(self._action(seen), arrival.encoding), arrival.encoding)
                 self._reflect()
                 return True
             arrival = newer
         return False
+
+    def _action(self, seen: Seen) -> dict[str, Any]:
+        """The fields of ``GridAction`` or ``FleetAction``."""
+        return {
+            "v": 1,
+            "run": seen.run,
+            "day": seen.day,
+            "slot": seen.slot,
+            "phase": seen.phase,
+            "instance": self.wish.instance,
+            **self.act(seen),
+        }
 
     def _reflect(self) -> None:
         """Learn, once the action has left; a signal to stop waits for it."""

@@ -18,6 +18,8 @@ POWER_TOLERANCE_KW = 1e-9
 BYTES_BASE = 1024
 BYTES_PER_HOME = 40
 """An action larger than this is refused unread."""
+FEW = 8
+"""So many commands are compared one by one sooner than as arrays."""
 
 
 def read_price(
@@ -42,29 +44,31 @@ class CommandRange:
     def __init__(self, homes: Homes, mine: slice) -> None:
         self.count: int = mine.stop - mine.start
         self.bytes_max = BYTES_BASE + BYTES_PER_HOME * self.count
-        self._middle_kw = (homes.charge_max_kw[mine] - homes.discharge_max_kw[mine]) / 2
-        self._half_kw = (homes.charge_max_kw[mine] + homes.discharge_max_kw[mine]) / 2 + POWER_TOLERANCE_KW
+        self._least_kw = -homes.discharge_max_kw[mine] - POWER_TOLERANCE_KW
+        self._most_kw = homes.charge_max_kw[mine] + POWER_TOLERANCE_KW
+        self._few = list(zip(self._least_kw.tolist(), self._most_kw.tolist(), strict=True))[:FEW]
 
-    def permits(self, battery_kw: Floats) -> bool:
+    def permits(self, battery_kw: list[float] | Floats) -> bool:
         """Whether there is one command for each home, within its power limits."""
-        if battery_kw.shape != self._half_kw.shape:
+        if len(battery_kw) != self.count:
             return False
-        near = np.abs(battery_kw - self._middle_kw) <= self._half_kw
-        return int(np.count_nonzero(near)) == self.count
+        if self.count <= FEW:
+            return all(least <= kw <= most for kw, (least, most) in zip(battery_kw, self._few, strict=True))
+        commands_kw = np.asarray(battery_kw)
+        return bool(((commands_kw >= self._least_kw) & (commands_kw <= self._most_kw)).all())
 
 
 def read_commands(
     agent: Agent, payload: bytes, encoding: str, run: str, now: Moment, permitted: CommandRange
-) -> tuple[Moment, Floats]:
+) -> tuple[Moment, list[float] | Floats]:
     """A prosumer agent's commands, one a home; raises ``Refused`` or ``WireError``."""
     if len(payload) > permitted.bytes_max:
         raise Refused("oversized")
     action = decode(FleetAction, payload, encoding)
     moment = _identify(agent, action, run)
-    battery_kw = np.asarray(action.battery_kw)
-    if moment == now and not permitted.permits(battery_kw):
+    if moment == now and not permitted.permits(action.battery_kw):
         raise Refused("out_of_range", moment)
-    return moment, battery_kw
+    return moment, action.battery_kw
 
 
 def _identify(agent: Agent, action: GridAction | FleetAction, run: str) -> Moment:
