@@ -7,6 +7,8 @@ systems one after the other, so that noise of the machine falls on all alike; me
 ratios.
 "Bare Zenoh" exchanges the same number of messages between the same processes and does nothing else: the ceiling.
 
+``--certs`` adds the same market over TLS, with certificates on both sides.
+
 Peers need ``pip install helics mosaik mosaik-api-v3`` and the folder with their benchmarks; without ``--peers`` only
 zengrid runs.
 """
@@ -14,6 +16,7 @@ zengrid runs.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import importlib
 import json
 import os
@@ -27,16 +30,21 @@ import time
 from pathlib import Path
 from typing import Any
 
+import psutil
 import yaml
 
 from zengrid.bus.client import Client
 from zengrid.bus.session import open_client  # noqa: F401 - sets the same thread hand-over for all
+from zengrid.errors import BusError
 from zengrid.journal import Journal
 from zengrid.scenario import load
 from zengrid.testing import free_endpoint
+from zengrid.wire.requests import Status
 
 Row = dict[str, float]
 HANDOVER = os.environ["ZENOH_RUNTIME"]
+WARM_SLOTS = 50
+SECURED = "zengrid, certificates"
 PEER_SLOTS = {3: 600, 10: 200, 30: 60}
 
 
@@ -51,8 +59,8 @@ def scenario_file(homes: int, folder: Path) -> str:
     return str(path)
 
 
-def zengrid(homes: int, seconds: float) -> Row:
-    """One run of ``zengrid up``."""
+def zengrid(homes: int, seconds: float, certs: Path | None = None) -> Row:
+    """One run of ``zengrid up``, over TLS where there are certificates."""
     with tempfile.TemporaryDirectory() as name:
         folder, endpoint = Path(name), free_endpoint()
         scenario = scenario_file(homes, folder)
@@ -60,16 +68,19 @@ def zengrid(homes: int, seconds: float) -> Row:
         # What decides is not measured here: rules, as the peers have.
         command += ["--policy", "conventional", "--grid-policy", "fixed"]
         command += ["--listen", endpoint, "--journal", str(folder / "journal.db"), "--logs", str(folder / "logs")]
+        command += [] if certs is None else ["--certs", str(certs)]
         began = time.time()
         market = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
         try:
-            with Client("main", endpoint, timeout_s=30) as client:
-                warm = client.control("status", homes=False)
-                while warm.totals.slots < 50:
-                    warm = client.control("status", homes=False)
+            with Client("main", endpoint, certs=certs, timeout_s=30) as client:
+                warm = warmed_up(client)
                 client.session.close()
+            processes = [psutil.Process(market.pid), *psutil.Process(market.pid).children(recursive=True)]
+            used_s, begin = -cpu_s(processes), time.monotonic()
             time.sleep(seconds)
-            with Client("main", endpoint, timeout_s=30) as client:
+            used_s += cpu_s(processes)
+            measured_s = time.monotonic() - begin
+            with Client("main", endpoint, certs=certs, timeout_s=30) as client:
                 status = client.control("status", homes=False)
                 client.control("stop")
             _, said = market.communicate(timeout=30)
@@ -86,8 +97,10 @@ def zengrid(homes: int, seconds: float) -> Row:
         # Between the two looks of the operator, and without what joining and leaving cost.
         first, last = warm.totals.slots, status.totals.slots - 1
         latency = status.latency
+        slots_s = (last - first) / (times[last] - times[first])
         return {
-            "slots_s": (last - first) / (times[last] - times[first]),
+            "slots_s": slots_s,
+            "cpu_ms": 1e3 * used_s / (slots_s * measured_s),
             "first_slot_s": times[0] - began,
             "price_p50_ms": latency.price_p50_ms,
             "price_p99_ms": latency.price_p99_ms,
@@ -95,6 +108,22 @@ def zengrid(homes: int, seconds: float) -> Row:
             "battery_p99_ms": latency.battery_p99_ms,
             "commit_p50_ms": latency.commit_p50_ms,
         }
+
+
+def warmed_up(client: Client) -> Status:
+    """How a market stands that has settled some slots; a clock that has just begun to listen may not answer yet."""
+    until = time.monotonic() + 60
+    while time.monotonic() < until:
+        with contextlib.suppress(BusError):
+            status = client.control("status", homes=False)
+            if status.totals.slots >= WARM_SLOTS:
+                return status
+    raise SystemExit("the market has not begun within 60 s")
+
+
+def cpu_s(processes: list[psutil.Process]) -> float:
+    """CPU time of processes so far. [s]"""
+    return float(sum(sum(process.cpu_times()[:2]) for process in processes))
 
 
 class Peers:
@@ -138,9 +167,11 @@ class Peers:
         return {"slots_s": run["slots_s"], "first_slot_s": run["start_s"]}
 
 
-def systems(peers: Peers | None, seconds: float) -> dict[str, Any]:
+def systems(peers: Peers | None, certs: Path | None, seconds: float) -> dict[str, Any]:
     """What is measured, by name."""
     all_of_them: dict[str, Any] = {"zengrid": lambda n: zengrid(n, seconds)}
+    if certs is not None:
+        all_of_them[SECURED] = lambda n: zengrid(n, seconds, certs)
     if peers is not None:
         helics = {"mode": "offset", "brokerx": "--globaltime", "onecore": False, "corex": ""}
         mosaik = {"how": "cmd", "eager": True, "nocache": False, "verbose": False}
@@ -189,6 +220,23 @@ def table(results: dict[int, dict[str, list[Row]]]) -> str:
     return "\n".join(lines)
 
 
+def price_of_certificates(homes: int, by_name: dict[str, list[Row]]) -> str:
+    """What TLS costs, round by round: the machine's speed drifts, but hardly within one."""
+    bare, secured = by_name["zengrid"], by_name[SECURED]
+    told = [f"certificates, {homes} homes:"]
+    units = {
+        "slots_s": "slots/s",
+        "cpu_ms": "ms CPU a slot",
+        "price_p50_ms": "ms price",
+        "battery_p50_ms": "ms battery",
+    }
+    for key, unit in units.items():
+        ratio = statistics.median(after[key] / before[key] for before, after in zip(bare, secured, strict=True))
+        values = f"{median(bare, key):.2f} -> {median(secured, key):.2f} {unit}"
+        told.append(f"{values} ({100 * (ratio - 1):+.0f} %)")
+    return "  ".join(told)
+
+
 def main() -> None:
     """Measure, print the table, write the figures."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -196,15 +244,22 @@ def main() -> None:
     options.add_argument("--rounds", type=int, default=5)
     options.add_argument("--seconds", type=float, default=3.0)
     options.add_argument("--peers", type=Path, help="folder with the peers' benchmarks")
+    options.add_argument("--certs", action="store_true", help="measure zengrid with certificates, too")
     options.add_argument("--out", type=Path, default=Path("benchmarks/results/lockstep.json"))
     chosen = options.parse_args()
     results: dict[int, dict[str, list[Row]]] = {}
     with tempfile.TemporaryDirectory() as name:
         peers = Peers(chosen.peers.resolve(), Path(name)) if chosen.peers else None
+        certs = Path(name) / "certs" if chosen.certs else None
+        if certs is not None:
+            ids = ",".join(f"p{i + 1}" for i in range(max(chosen.homes)))
+            command = [sys.executable, "-m", "zengrid_cli", "certs", str(certs), "--ids", ids]
+            subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
         for homes in chosen.homes:
-            results[homes] = {system: [] for system in systems(peers, chosen.seconds)}
+            all_of_them = systems(peers, certs, chosen.seconds)
+            results[homes] = {system: [] for system in all_of_them}
             for number in range(chosen.rounds):
-                for system, run in systems(peers, chosen.seconds).items():
+                for system, run in all_of_them.items():
                     results[homes][system].append(run(homes))
                     speed = results[homes][system][-1].get("slots_s", 0.0)
                     print(f"round {number + 1}, {homes} prosumers, {system}: {speed:.0f} slots/s", file=sys.stderr)
@@ -214,6 +269,9 @@ def main() -> None:
         json.dumps({"machine": machine, "rounds": chosen.rounds, "results": results}, indent=1) + "\n"
     )
     print(table(results))
+    if chosen.certs:
+        for homes, by_name in results.items():
+            print(price_of_certificates(homes, by_name))
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ import contextlib
 import json
 import os
 import platform
+import statistics
 import sys
 import tempfile
 import time
@@ -56,7 +57,7 @@ def everyone(market: Market) -> None:
     market.wait_for_slot(lambda slot: set(AGENTS) <= set(slot.acted), 60, "a slot of everyone")
 
 
-def measure(hosts: Hosts, market: Market, seconds: float) -> list[Row]:
+def one_round(hosts: Hosts, market: Market, seconds: float) -> list[Row]:
     """All cables in turn, then the cut."""
     rows: list[Row] = []
     for round_trip_ms, loss_percent in CABLES:
@@ -80,14 +81,18 @@ def measure(hosts: Hosts, market: Market, seconds: float) -> list[Row]:
     return rows
 
 
-def table(rows: list[Row]) -> str:
-    """Markdown."""
-    lines = ["| round trip | loss each way | slots/s | answers that came too late |", "|---|---|---|---|"]
-    for row in rows:
+def table(rounds: list[list[Row]]) -> str:
+    """Markdown: medians of the rounds, and the slowest and fastest."""
+    lines = ["| round trip | loss each way | slots/s (min-max) | answers that came too late |", "|---|---|---|---|"]
+    for same in zip(*rounds, strict=True):
+        numbers = ("slots_s", "fallback_share", "back_after_s")
+        row = same[0] | {name: statistics.median(one[name] for one in same) for name in numbers if name in same[0]}
+        speeds = [one["slots_s"] for one in same]
         loss = f"cut for {row['cut_s']:g} s" if "cut_s" in row else f"{row['loss_percent']} %"
         back = f"; everyone back {row['back_after_s']:.1f} s after it was mended" if "back_after_s" in row else ""
         late = f"{100 * row['fallback_share']:.1f} %{back}"
-        lines.append(f"| {row['round_trip_ms']} ms | {loss} | {row['slots_s']:.1f} | {late} |")
+        speed = f"{row['slots_s']:.1f} ({min(speeds):.1f}-{max(speeds):.1f})"
+        lines.append(f"| {row['round_trip_ms']} ms | {loss} | {speed} | {late} |")
     return "\n".join(lines)
 
 
@@ -95,6 +100,7 @@ def main() -> None:
     """Measure, print the table, write the figures."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--seconds", type=float, default=10.0, help="for each cable")
+    options.add_argument("--rounds", type=int, default=3, help="of all cables")
     options.add_argument("--deadline", type=float, default=2.0, help="of a phase [s]")
     options.add_argument("--out", type=Path, default=Path("benchmarks/results/network.json"))
     chosen = options.parse_args()
@@ -110,13 +116,13 @@ def main() -> None:
             for agent in AGENTS:
                 words = ["grid"] if agent == "grid" else ["prosumer", "--id", agent]
                 market.start(agent, *hosts.on("there", sys.executable, "-m", "zengrid_agent", *words))
-            rows = measure(hosts, market, chosen.seconds)
+            rounds = [one_round(hosts, market, chosen.seconds) for _ in range(chosen.rounds)]
     machine = {"cpus": os.cpu_count(), "platform": platform.platform(), "python": platform.python_version()}
     chosen.out.parent.mkdir(parents=True, exist_ok=True)
     chosen.out.write_text(
-        json.dumps({"machine": machine, "deadline_s": chosen.deadline, "rows": rows}, indent=1) + "\n"
+        json.dumps({"machine": machine, "deadline_s": chosen.deadline, "rounds": rounds}, indent=1) + "\n"
     )
-    print(table(rows))
+    print(table(rounds))
 
 
 if __name__ == "__main__":
