@@ -12,8 +12,11 @@ import pytest
 
 from support.databases import Line, Server, postgres_server
 from support.gateways import gateway
+from support.hosts import Hosts, why_not
+from zengrid.errors import JournalUnavailableError
 from zengrid.journal import Journal
-from zengrid.testing import Market
+from zengrid.journal.postgres import SILENT_MS
+from zengrid.testing import Market, Process, free_port
 from zengrid.wire.codec import decode
 from zengrid.wire.slots import PublicSlot
 
@@ -67,8 +70,8 @@ class Follower:
         status = self.market.client.control("status")
         assert (status.journal_waits, status.journal_wait_s) == (times, 0.0)
 
-    def ends_soundly(self, url: str) -> None:
-        """Every slot is in the journal once, and is what everybody was told."""
+    def ends_soundly(self, url: str, *, cut_off: bool = False) -> None:
+        """Every slot is in the journal once, and is what everybody was told; who was cut off was not told of all."""
         self.market.client.control("stop")
         assert self.market.processes["clock"].end(PATIENCE_S) == 0
         verify(url)
@@ -84,7 +87,10 @@ class Follower:
             time.sleep(0.02)
         told = [(slot.position, slot.buy_price, slot.demand_kw) for slot in self.told]
         assert [position for position, _, _ in kept] == list(range(count))
-        assert told == kept[told[0][0] :]
+        expected = (
+            [kept[position] for position in sorted({slot[0] for slot in told})] if cut_off else kept[told[0][0] :]
+        )
+        assert told == expected
 
 
 def verify(url: str) -> None:
@@ -153,6 +159,51 @@ def test_a_slot_that_was_committed_without_an_answer_is_settled_once(postgres: S
             (slot,) = (told for told in following.told if told.position == committed - 1)
             assert slot.acted, "the slot in doubt was played by agents, and told after it was found"
         following.ends_soundly(postgres.url(name))
+
+
+def test_a_cable_to_the_database_that_is_cut_leaves_the_run_to_others_in_time(postgres: Server) -> None:
+    """Neither side hears that the other is gone: both must give up by themselves, the server the lock as well."""
+    reason = why_not()
+    if reason is not None:
+        pytest.skip(reason)
+    name = postgres.new_database()
+    with Hosts("there") as hosts:
+        postgres.stop("fast")
+        postgres.start(hosts.here)
+        hosts.quality("there")
+        with Elsewhere(hosts, postgres.url(name, address=hosts.here)) as market:
+            following = Follower(market)
+            hosts.cut("there")
+            began = time.monotonic()
+            while not can_be_resumed(postgres.url(name)):
+                assert time.monotonic() < began + 2 * SILENT_MS / 1000, "the server holds the lock for who is gone"
+                time.sleep(0.2)
+            following.said("waiting: journal postgresql://", 1)
+            hosts.quality("there")
+            following.goes_on(1)
+            following.ends_soundly(postgres.url(name), cut_off=True)
+
+
+class Elsewhere(Market):
+    """A market on another host, with its journal at a URL."""
+
+    def __init__(self, hosts: Hosts, url: str) -> None:
+        super().__init__("paper", ("--journal", url, "--insecure"))
+        self.endpoint = f"tcp/{hosts.address('there')}:{free_port()}"
+        self._hosts = hosts
+
+    def start(self, name: str, *command: str) -> Process:
+        return super().start(name, *self._hosts.on("there", *command))
+
+
+def can_be_resumed(url: str) -> bool:
+    """Whether nobody writes the run."""
+    with Journal.open(url) as journal:
+        try:
+            journal.resume()
+        except JournalUnavailableError:
+            return False
+        return True
 
 
 def slots(url: str) -> int:

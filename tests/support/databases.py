@@ -30,8 +30,10 @@ class Server(NamedTuple):
     folder: Path
     programs: Path
 
-    def url(self, name: str = "postgres", folder: Path | None = None) -> str:
-        """Of a database; through a line where its folder is given."""
+    def url(self, name: str = "postgres", folder: Path | None = None, address: str | None = None) -> str:
+        """Of a database; through a line where its folder is given, through the network where an address is."""
+        if address is not None:
+            return f"postgresql://postgres@{address}:{PORT}/{name}"
         return f"postgresql://postgres@/{name}?host={folder or self.folder}"
 
     def new_database(self) -> str:
@@ -49,9 +51,9 @@ class Server(NamedTuple):
         arguments = [str(self.programs / "pg_ctl"), "-D", str(self.folder / "data"), "-s", "-w", *command]
         subprocess.run(arguments, check=True, user=user, cwd=self.folder, stdout=subprocess.DEVNULL, timeout=120)
 
-    def start(self) -> None:
-        """Start it, and wait until it answers."""
-        options = f"-p {PORT} -k {self.folder} -c listen_addresses= -F"
+    def start(self, address: str = "") -> None:
+        """Start it, and wait until it answers; with an address, in a network, too."""
+        options = f"-p {PORT} -k {self.folder} -c listen_addresses={address} -F"
         self._control("start", "-l", str(self.folder / "log"), "-o", options)
 
     def stop(self, mode: Literal["fast", "immediate"] = "immediate") -> None:
@@ -79,6 +81,8 @@ def postgres_server() -> Iterator[Server]:
         data = str(server.folder / "data")
         make = [str(server.programs / "initdb"), "-D", data, "-A", "trust", "-U", "postgres", "-N"]
         subprocess.run(make, check=True, user=user, cwd=folder, stdout=subprocess.DEVNULL, timeout=120)
+        with (server.folder / "data" / "pg_hba.conf").open("a") as access:
+            access.write("host all all 198.18.0.0/16 trust\n")  # networks of tests, see hosts.py
         server.start()
         try:
             yield server

@@ -12,9 +12,9 @@ from zengrid.journal.database import Connection, Durability, Step, transact
 
 CONNECT_TIMEOUT_S = 10
 KEEPALIVE = {"keepalives_idle": 10, "keepalives_interval": 5, "keepalives_count": 3}
-"""When a side that says nothing is given up, on both sides: systems wait for hours, and the lock with them. [s], [s]"""
+"""When either side gives the other up that says nothing [s], [s]. Systems wait for hours, and the lock with them."""
 SILENT_MS = 25_000
-"""The same for what was sent and is not acknowledged."""
+"""The same where something was sent that is not acknowledged."""
 LOCK_SPACE = 0x7A656E67
 """First key of the advisory locks ("zeng"); the second is the run, and 0 while tables are created."""
 
@@ -54,7 +54,8 @@ class PostgresDatabase:
 
         options = {"connect_timeout": CONNECT_TIMEOUT_S, **KEEPALIVE, "tcp_user_timeout": SILENT_MS, **self._options}
         connection = psycopg.connect(*self._arguments, autocommit=True, **options)
-        connection.execute("; ".join(f"SET tcp_{name} = {value}" for name, value in KEEPALIVE.items()))
+        settings = {f"tcp_{name}": value for name, value in KEEPALIVE.items()} | {"tcp_user_timeout": SILENT_MS}
+        connection.execute("; ".join(f"SET {name} = {value}" for name, value in settings.items()))
         if self._durability == "full":
             connection.execute("SET synchronous_commit = on")
         return connection
