@@ -45,3 +45,4 @@ def test_one_line() -> None:
         "day 2 14:00  slot 63 of 168  running max  912 slots/s  sell 0.095 buy 0.070 $/kWh  "
         "demand 23.4 reserve 0.5 kW  profit 137.00 $ (+37.0 %)  bills 62.00 $ (-38.0 %)  not there: a2  refused 3"
     )
+    assert line(status(journal_wait_s=12.3)).endswith("  waiting for the journal for 12 s")

@@ -20,6 +20,11 @@ def shown(view: View, width: int = 80, height: int = 24) -> list[str]:
     return [line.rstrip() for line in capture.get().splitlines()]
 
 
+def test_a_market_that_waits_for_its_journal_says_so() -> None:
+    now = status(journal_waits=1, journal_wait_s=12.3)
+    assert "waiting for the journal for 12 s" in shown(View(now, now.homes))
+
+
 def test_a_small_market_on_a_small_terminal() -> None:
     now = status(refused={"late": 3, "out_of_range": 1200})
     lines = shown(View(now, now.homes, footer="http://127.0.0.1:8080   Ctrl-C ends the market"))
