@@ -36,6 +36,7 @@ def run(seed: int, minutes: float, explore: int, folder: Path) -> dict[str, Any]
     market = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     try:
         market.wait(60.0 * minutes)
+        raise SystemExit(f"the market of seed {seed} ended by itself, exit code {market.returncode}")
     except subprocess.TimeoutExpired:
         market.send_signal(signal.SIGTERM)
     market.communicate(timeout=120.0)
