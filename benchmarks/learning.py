@@ -23,6 +23,7 @@ from zengrid.learn.run import Plan, Report, Run, use_threads
 from zengrid.learn.settings import Settings
 from zengrid.policy.file import PolicyFile
 from zengrid.scenario import load
+from zengrid_cli.train import pairs
 
 
 def main() -> None:
@@ -33,9 +34,10 @@ def main() -> None:
     options.add_argument("--soc-reset", choices=["daily", "never"])
     options.add_argument("--observation", choices=["public", "paper"], default="public")
     options.add_argument("--preset", default="fast")
+    options.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", dest="changes", help="a setting")
     options.add_argument("--seeds", type=int, default=5)
     options.add_argument("--first-seed", type=int, default=0)
-    options.add_argument("--every", type=int, default=10, help="days between evaluations")
+    options.add_argument("--every", type=int, default=5, help="days between evaluations")
     options.add_argument("--days", type=int, default=64, help="held-out days")
     options.add_argument("--time-limit", type=float, help="of training [s]")
     options.add_argument("--no-leader", action="store_true", help="leave out the leader reference")
@@ -58,7 +60,8 @@ def measure(chosen: argparse.Namespace, folder: Path) -> dict[str, Any]:
     seeds = tuple(range(chosen.first_seed, chosen.first_seed + chosen.seeds))
     evaluator = Evaluator.held_out(scenario, chosen.days)
     wall, cpu = time.perf_counter(), time.process_time()
-    run = Run(folder, Plan((scenario,) * len(seeds), seeds, Settings.preset(chosen.preset), chosen.observation, ""))
+    settings = Settings.preset(chosen.preset).with_(**pairs(chosen.changes))
+    run = Run(folder, Plan((scenario,) * len(seeds), seeds, settings, chosen.observation, ""))
     aside = [0.0, 0.0]
     kept: dict[int, tuple[str, Changes]] = {}
     reached: dict[int, float] = {}
@@ -88,8 +91,8 @@ def measure(chosen: argparse.Namespace, folder: Path) -> dict[str, Any]:
     profit = None if leader is None else leader.outcome.profit
     return {
         "scenario": scenario.name, "soc_reset": scenario.soc_reset, "observation": chosen.observation,
-        "preset": chosen.preset, "steps": run.training.step, "wall_s": wall, "cpu_s": cpu, "curve": curve,
-        "leader_profit": profit,
+        "preset": " ".join([chosen.preset, *chosen.changes]), "steps": run.training.step, "wall_s": wall,
+        "cpu_s": cpu, "curve": curve, "leader_profit": profit,
         "seeds": {seed: row(seed, reached, e, profit) for seed, e in zip(seeds, ended, strict=True)},
     }  # fmt: skip
 

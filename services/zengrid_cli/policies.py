@@ -76,8 +76,8 @@ def case_study(scenario: Scenario) -> Trained:
 def best_of(run: Run) -> Trained:
     """The policies of the best seed, as the package has them."""
     scenario = run.plan.scenarios[0]
-    gains = [-np.inf if best is None else best.settled_gain for best in run.best]
-    place = int(np.argmax(gains))
+    ranks = [(False, -np.inf) if best is None else best.rank for best in run.best]
+    place = ranks.index(max(ranks))
     grid, prosumers = (
         PolicyFile.load(run.folder / f"best-{run.names(place)}-{part}.safetensors") for part in Trained._fields
     )

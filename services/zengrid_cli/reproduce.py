@@ -47,7 +47,7 @@ def parser() -> argparse.ArgumentParser:
     it.add_argument("--days", type=parse_count, metavar="N", help="held-out days (default: 64)")
     it.add_argument(
         "--preset", default="fast",
-        help="fast; thorough: four times as long, near an equilibrium; paper: as the authors print it "
+        help="fast; thorough: five times as long, near an equilibrium; paper: as the authors print it "
         "(default: %(default)s)",
     )  # fmt: skip
     it.add_argument(

@@ -50,7 +50,7 @@ def parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     it.add_argument(
         "--preset", default="fast",
-        help="fast; thorough: four times as long, near an equilibrium; paper: as the authors print it "
+        help="fast; thorough: five times as long, near an equilibrium; paper: as the authors print it "
         "(default: %(default)s)",
     )  # fmt: skip
     it.add_argument("--observation", choices=["public", "paper"], default="public", help="what agents see")

@@ -36,7 +36,7 @@ def parser() -> argparse.ArgumentParser:
     it.add_argument("--first-seed", type=int, default=0, metavar="N", help="the first of them (default: %(default)s)")
     it.add_argument(
         "--preset", default="fast",
-        help="fast; thorough: four times as long, near an equilibrium; paper: as the authors print it (default: fast)",
+        help="fast; thorough: five times as long, near an equilibrium; paper: as the authors print it (default: fast)",
     )  # fmt: skip
     it.add_argument(
         "--set", action="append", default=[], metavar="NAME=VALUE", dest="changes",
@@ -51,7 +51,7 @@ def parser() -> argparse.ArgumentParser:
     it.add_argument("--resume", action="store_true", help="go on exactly where the training in that folder stopped")
     it.add_argument("--time-limit", type=parse_seconds, metavar="S", help="end after so many seconds of training")
     it.add_argument(
-        "--every", type=parse_count, default=10, metavar="DAYS", help="days between evaluations (default: 10)"
+        "--every", type=parse_count, default=5, metavar="DAYS", help="days between evaluations (default: 5)"
     )
     it.add_argument("--device", default="cpu", help="cpu, or cuda where there is one (default: %(default)s)")
     it.add_argument(

@@ -28,6 +28,9 @@ Floats = NDArray[np.float64]
 WEEK = 7
 """Days played in a row where stored energy is carried over from day to day."""
 
+SETTLED_GAP = 8.0
+"""Up to this largest gap a market counts as settled. The aim is 10 %; on other days a gap may be larger. [%]"""
+
 FEW_HOMES, FEW_STATES = 12, 128
 """Up to these, gaps are computed in every evaluation."""
 
@@ -98,6 +101,22 @@ class Gap(NamedTuple):
     """(home,) of what it saves already against conventional [%]"""
 
 
+class Rank(NamedTuple):
+    """Of two results the larger is kept: that of a settled market before any other.
+
+    A market is settled where nobody loses and no prosumer could gain more than ``SETTLED_GAP`` by playing its best
+    response. Among settled markets the grid's profit counts most: it leads, and followers that answer well to whatever
+    it does are what it has to earn by (Stackelberg's equilibrium). It weighs four fifths in the geometric mean of all
+    improvements, so that nobody's gain is given up for a per cent more of it. Among the others counts the joint gain,
+    times the square of the least share that a prosumer takes of what it could save: high gains at prices that somebody
+    has not yet found the answer to do not last.
+    """
+
+    settled: bool
+    gain: float
+    """[%]"""
+
+
 class Trained(NamedTuple):
     """What the agents of one market play by."""
 
@@ -127,15 +146,14 @@ class Evaluation:
         return None if self.gap is None else float(self.gap.percent.max())
 
     @property
-    def settled_gain(self) -> float:
-        """By what policies are chosen: the joint gain, times the square of the least share a prosumer takes. [%]
-
-        A prosumer that saves 0.30 $ and has a gap of 0.10 $ takes three quarters of what it could. High gains at prices
-        that somebody has not yet found the answer to do not last: of two that gain alike, the one nearer to an
-        equilibrium is kept.
-        """
+    def rank(self) -> Rank:
+        """By what policies are chosen."""
         gain, gap = self.changes.joint_gain, self.largest_gap
-        return gain if gap is None or gain <= 0.0 else gain / (1.0 + max(gap, 0.0) / 100.0) ** 2
+        if gap is None or gain <= 0.0:
+            return Rank(False, gain)
+        if gap <= SETTLED_GAP:
+            return Rank(True, self.changes.profit**0.75 * gain**0.25)
+        return Rank(False, gain / (1.0 + gap / 100.0) ** 2)
 
     def as_dict(self) -> dict[str, Any]:
         """Plain numbers, for files."""

@@ -13,7 +13,7 @@ import torch
 from zengrid import __version__
 from zengrid.core.observe import ObservationKind
 from zengrid.errors import PolicyError
-from zengrid.learn.evaluation import Changes, Evaluator, Outcome, Trained, plain
+from zengrid.learn.evaluation import Changes, Evaluator, Outcome, Rank, Trained, plain
 from zengrid.learn.settings import Settings
 from zengrid.learn.training import Earned, Training
 from zengrid.scenario import Scenario
@@ -92,8 +92,8 @@ class Kept(NamedTuple):
     changes: Changes
     gap: float | None
     """largest gap of a prosumer [%]"""
-    settled_gain: float
-    """by which they were chosen [%]"""
+    rank: Rank
+    """by which they were chosen"""
 
     @property
     def joint_gain(self) -> float:
@@ -104,8 +104,8 @@ class Kept(NamedTuple):
 class Run:
     """A training in a folder.
 
-    The policies kept as ``best-*`` are those with the largest settled gain (``Evaluation.settled_gain``) on days set
-    apart for this choice; ``last-*`` are the newest.
+    The policies kept as ``best-*`` are those with the highest rank (``Evaluation.rank``) on days set apart for
+    this choice; ``last-*`` are the newest.
 
     Parameters
     ----------
@@ -149,14 +149,16 @@ class Run:
         run.seconds = saved["seconds"]
         run._earned = [Earned(*day) for day in saved["earned"]]
         run.forget_later()
-        run.best = [None if kept is None else Kept(Changes(*kept[0]), *kept[1:]) for kept in saved["best"]]
+        run.best = [
+            None if kept is None else Kept(Changes(*kept[0]), kept[1], Rank(*kept[2])) for kept in saved["best"]
+        ]
         return run
 
     def go(
         self,
         report: Callable[[Report], None],
         stop: Callable[[], bool] = lambda: False,
-        every: int = 10,
+        every: int = 5,
         most_seconds: float | None = None,
         judge_stop: bool = True,
     ) -> bool:
@@ -197,9 +199,9 @@ class Run:
         now, agents, gaps = [], [], []
         for place, trained in enumerate(self.training.trained(notes=self.notes())):
             evaluation = self.choosers[place].evaluate_trained(trained, gaps=False)
-            this = Kept(evaluation.changes, evaluation.largest_gap, evaluation.settled_gain)
+            this = Kept(evaluation.changes, evaluation.largest_gap, evaluation.rank)
             known = self.best[place]
-            if known is None or this.settled_gain > known.settled_gain:
+            if known is None or this.rank > known.rank:
                 self.best[place] = this
                 self._write("best", place, trained)
             self._write("last", place, trained)
@@ -248,7 +250,7 @@ class Run:
             "training": self.training.state(),
             "seconds": self.seconds,
             "earned": [tuple(day) for day in self._earned],
-            "best": [None if kept is None else (tuple(kept.changes), *kept[1:]) for kept in self.best],
+            "best": [None if kept is None else (tuple(kept.changes), kept.gap, tuple(kept.rank)) for kept in self.best],
         }
         part = self.folder / f"{CHECKPOINT}.part"
         torch.save(saved, part)

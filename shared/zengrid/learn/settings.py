@@ -139,7 +139,7 @@ _PRESETS: dict[str, dict[str, Any]] = {
         "grid": replace(LEADER, epsilon_until=0.6),
         # Of two equally dear hours the sooner counts more: the grid can rely on when energy comes.
         "prosumer": replace(FOLLOWER, gamma=0.99, batch=64, lr_end=5e-4, average=0.995),
-        "steps": 12_000,
+        "steps": 16_000,
     },
     "paper": {
         "grid": replace(_LATER_STUDY, hidden=(1000,)),

@@ -14,7 +14,7 @@ import torch
 
 from zengrid.env.facts import market_facts
 from zengrid.errors import PolicyError
-from zengrid.learn.evaluation import Changes, Evaluator, Trained, reaches
+from zengrid.learn.evaluation import Changes, Evaluation, Evaluator, Gap, Outcome, Rank, Trained, reaches
 from zengrid.learn.run import PROGRESS, Plan, Report, Run
 from zengrid.learn.settings import Settings
 from zengrid.learn.training import Training
@@ -115,7 +115,7 @@ def test_a_run_keeps_the_best_and_resumes(tmp_path: Path) -> None:
     straight = Run(tmp_path / "b", plan)
     assert straight.go(reports.append, every=2)
     assert same(resumed.training.trained(), straight.training.trained())
-    assert [k.settled_gain for k in resumed.best if k] == [k.settled_gain for k in straight.best if k]
+    assert [k.rank for k in resumed.best if k] == [k.rank for k in straight.best if k]
     earned = [day for report in reports for day in report.earned]
     assert len(earned) == 10 + 10  # of the stopped and resumed run, and of the straight one
     assert earned[0].bill.shape == (2, 3)
@@ -156,3 +156,24 @@ def test_all_five_figures_count() -> None:
     ):
         assert not reaches(worse)
     assert good._replace(profit=-3.0).joint_gain == -3.0
+
+
+def judged(profit: float, gap: float | None, bill: float = -1.0) -> Rank:
+    """The rank of a market in which every bill, the profit and the gaps are as given, against ones of 1 $. [%]"""
+
+    def outcome(bill: float, profit: float, reserve: float) -> Outcome:
+        return Outcome(np.full(3, bill), profit, reserve, 1.0, np.ones(3), 0.0, 0.0)
+
+    after = outcome(1.0 + bill / 100.0, 1.0 + profit / 100.0, 0.9)
+    gaps = None if gap is None else Gap(np.zeros(3), np.array([0.0, gap, 0.0]))
+    return Evaluation(after, outcome(1.0, 1.0, 1.0), gaps).rank
+
+
+def test_a_settled_market_is_kept_and_there_the_profit_counts_most() -> None:
+    assert judged(10.0, 8.0) > judged(90.0, 8.1)
+    assert judged(20.0, 8.0, bill=-10.0) > judged(10.0, 0.0, bill=-50.0)
+    assert judged(60.0, 0.0, bill=-60.0) > judged(62.0, 0.0, bill=-30.0)
+    assert judged(20.0, 30.0) > judged(20.0, 40.0)
+    assert judged(20.0, 9.0, bill=-9.0) > judged(20.0, 9.0)
+    assert judged(90.0, 9.0) > judged(90.0, 0.0, bill=1.0)  # nobody's loss is settled
+    assert not judged(20.0, None).settled
