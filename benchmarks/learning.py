@@ -92,7 +92,7 @@ def measure(chosen: argparse.Namespace, folder: Path) -> dict[str, Any]:
     return {
         "scenario": scenario.name, "soc_reset": scenario.soc_reset, "observation": chosen.observation,
         "preset": " ".join([chosen.preset, *chosen.changes]), "steps": run.training.step, "wall_s": wall,
-        "cpu_s": cpu, "curve": curve, "leader_profit": profit,
+        "cpu_s": cpu, "curve": curve, "leader_profit": profit, "highest": seeds[run.highest],
         "seeds": {seed: row(seed, reached, e, profit) for seed, e in zip(seeds, ended, strict=True)},
     }  # fmt: skip
 
@@ -139,6 +139,7 @@ def show(found: dict[str, Any]) -> None:
     print(f", median after {median(times):.0f} CPU-s, the last after {max(times):.0f}" if times else "")
     gaps = np.array([one["gap_percent"] for one in rows.values()])
     print(f"largest gap of any home and seed: {gaps.max():.1f} % of its saving; median {np.median(gaps):.1f} %")
+    print(f"of the highest rank, on the days by which policies are chosen: seed {found['highest']}")
 
 
 if __name__ == "__main__":

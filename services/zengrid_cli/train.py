@@ -167,9 +167,20 @@ def follow(run: Run, options: argparse.Namespace) -> int:
     if options.quiet:
         print(line(last, run))
     print(f"Policies: {run.folder}/best-*.safetensors. Compare them: zengrid evaluate {shlex.quote(str(run.folder))}")
+    if len(run.plan.seeds) > 1:
+        print(f"Highest rank: {highest(run)}")
     if not done:
         print(f"To go on: zengrid train --resume --out {shlex.quote(str(run.folder))}")
     return 130 if stopping else 0
+
+
+def highest(run: Run) -> str:
+    """Which seed's policies to play with."""
+    place = run.highest
+    kept = run.best[place]
+    assert kept is not None
+    gap = "" if kept.gap is None else f", largest gap {kept.gap:.1f} % of a saving"
+    return f"seed {run.plan.seeds[place]}{' (settled)' if kept.rank.settled else ''}{gap}"
 
 
 def live(run: Run, shown: ExitStack) -> Progress:

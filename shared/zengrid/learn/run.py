@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
+import numpy as np
 import torch
 
 from zengrid import __version__
@@ -220,6 +221,19 @@ class Run:
         with (self.folder / PROGRESS).open("a", encoding="utf-8") as file:
             file.write(json.dumps({**report._asdict(), **lists}) + "\n")
         return report
+
+    @property
+    def highest(self) -> int:
+        """The place of the market whose policies rank highest, once there are any.
+
+        Markets have several equilibria, and a single learner seldom leaves the one it has come to. Of several seeds
+        that one is best to play with.
+        """
+        return max(range(len(self.best)), key=lambda place: self._rank(place))
+
+    def _rank(self, place: int) -> Rank:
+        kept = self.best[place]
+        return Rank(False, -np.inf) if kept is None else kept.rank
 
     def forget_later(self) -> None:
         """Take out of the progress what came after the checkpoint: it comes again, and alike."""

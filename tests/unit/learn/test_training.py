@@ -116,6 +116,7 @@ def test_a_run_keeps_the_best_and_resumes(tmp_path: Path) -> None:
     assert straight.go(reports.append, every=2)
     assert same(resumed.training.trained(), straight.training.trained())
     assert [k.rank for k in resumed.best if k] == [k.rank for k in straight.best if k]
+    assert resumed.highest == max((0, 1), key=lambda place: [k.rank for k in resumed.best if k][place])
     earned = [day for report in reports for day in report.earned]
     assert len(earned) == 10 + 10  # of the stopped and resumed run, and of the straight one
     assert earned[0].bill.shape == (2, 3)
