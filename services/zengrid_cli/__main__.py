@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from collections.abc import Sequence
 from typing import Any, NamedTuple, cast
@@ -75,6 +76,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def run(word: str, arguments: list[str]) -> int:
     """Load a command and run it."""
+    _load_pydantic()
     command = COMMANDS[word]
     module, _, name = command.target.partition(":")
     if not name:
@@ -92,6 +94,16 @@ def run(word: str, arguments: list[str]) -> int:
         app.command()(found)
     app(args=arguments, prog_name=f"zengrid {word}", standalone_mode=True)
     return 0
+
+
+def _load_pydantic() -> None:
+    """Ctrl-C at this moment ends the process; the library would take it for a broken Python, and say so at length."""
+    if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        return
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    import pydantic_core  # noqa: F401
+
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def _serve(word: str, module: str, arguments: list[str]) -> int:
