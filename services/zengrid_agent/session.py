@@ -10,7 +10,7 @@ from types import FrameType
 from typing import Any, Generic, TypeVar
 
 from zengrid import logs
-from zengrid.bus.agent import AgentLink
+from zengrid.bus.agent import AgentLink, Arrival
 from zengrid.errors import ZengridError
 from zengrid.wire.codec import decode, encode_fields
 from zengrid.wire.requests import JoinReply, JoinRequest, PolicyReply, PolicyRequest
@@ -113,6 +113,15 @@ class AgentSession(ABC, Generic[Seen]):
     def _answer_next(self) -> bool:
         """Wait for an observation and answer it; False when the market is over."""
         arrival = self.link.receive()
+        # From here on a signal waits: what is raised within a library's call back can be taken for its own error.
+        self._busy = True
+        goes_on = self._answer(arrival)
+        self._busy = False
+        if self._stopping:
+            raise Stop
+        return goes_on
+
+    def _answer(self, arrival: Arrival | None) -> bool:
         while arrival is not None:
             seen = decode(self.observation, arrival.payload, arrival.encoding)
             self._last = seen
@@ -140,18 +149,13 @@ class AgentSession(ABC, Generic[Seen]):
         }
 
     def _reflect(self) -> None:
-        """Learn, once the action has left; a signal to stop waits for it."""
-        if self._learning is None:
-            return
-        self._busy = True
-        self._learning.reflect()
-        self._busy = False
-        if self._stopping:
-            raise Stop
+        """Learn, once the action has left."""
+        if self._learning is not None:
+            self._learning.reflect()
 
     def _stop(self, number: int, frame: FrameType | None) -> None:
-        if not self._busy:
-            raise Stop
+        if self._stopping or not self._busy:
+            raise Stop  # asked twice, it does not wait: a policy may hang
         self._stopping = True
 
     def _clock_changed(self, came: bool) -> None:

@@ -183,7 +183,9 @@ def test_nothing_of_others_can_be_read(market: Market) -> None:
         ]
         assert [answer for answer in answers if answer.ok is not None and answer.ok.key_expr != keys.slot] == []
         assert heard == {keys.slot}
-        assert ask(session, keys.slot, ControlRequest(command="status")), "the price is public"
+        # Of two questions within two milliseconds the second is dropped.
+        asked = (ask(session, keys.slot, ControlRequest(command="status")) for _ in range(10))
+        assert any(asked), "the price is public"
         del listening, tokens
     assert market.client.control("status").state == "running"
 
