@@ -131,7 +131,8 @@ class AgentSession(ABC, Generic[Seen]):
             newer = self.link.pending()
             if newer is None:
                 self.link.act(encode_fields(self._action(seen), arrival.encoding), arrival.encoding)
-                self._reflect()
+                if self._learning is not None:
+                    self._learning.reflect()  # once the action has left
                 return True
             arrival = newer
         return False
@@ -147,11 +148,6 @@ class AgentSession(ABC, Generic[Seen]):
             "instance": self.wish.instance,
             **self.act(seen),
         }
-
-    def _reflect(self) -> None:
-        """Learn, once the action has left."""
-        if self._learning is not None:
-            self._learning.reflect()
 
     def _stop(self, number: int, frame: FrameType | None) -> None:
         if self._stopping or not self._busy:

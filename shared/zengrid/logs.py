@@ -7,6 +7,7 @@ import os
 import sys
 import threading
 import traceback
+from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Any, Literal
 
@@ -38,7 +39,7 @@ def add_log_options(parser: argparse._ActionsContainer) -> None:
     """Add ``--log`` and ``--log-level``; each can come from the environment instead."""
     parser.add_argument(
         "--log",
-        type=_form,
+        type=_one_of("log", FORMS),
         default=os.environ.get(FORM_VARIABLE) or "text",
         metavar="FORM",
         help=f"text, or json: whatever is told is one JSON object a line (default: %(default)s; "
@@ -46,7 +47,7 @@ def add_log_options(parser: argparse._ActionsContainer) -> None:
     )
     parser.add_argument(
         "--log-level",
-        type=_level,
+        type=_one_of("log level", LEVELS),
         default=os.environ.get(LEVEL_VARIABLE) or "warning",
         metavar="LEVEL",
         help=f"least level of what is logged: {', '.join(LEVELS)} (default: %(default)s; "
@@ -54,16 +55,15 @@ def add_log_options(parser: argparse._ActionsContainer) -> None:
     )
 
 
-def _form(text: str) -> str:
-    if text not in FORMS:
-        raise argparse.ArgumentTypeError(f"log = {text}: permitted: {', '.join(FORMS)}")
-    return text
+def _one_of(name: str, permitted: Sequence[str]) -> Callable[[str], str]:
+    """Unlike the ``choices`` of argparse it checks defaults, too, which may come from the environment."""
 
+    def parse(text: str) -> str:
+        if text not in permitted:
+            raise argparse.ArgumentTypeError(f"{name} = {text}: permitted: {', '.join(permitted)}")
+        return text
 
-def _level(text: str) -> str:
-    if text not in LEVELS:
-        raise argparse.ArgumentTypeError(f"log level = {text}: permitted: {', '.join(LEVELS)}")
-    return text
+    return parse
 
 
 def begin(service: str, options: argparse.Namespace, *, prefix: str | None = None, **context: Any) -> None:

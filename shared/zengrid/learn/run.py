@@ -8,7 +8,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
-import numpy as np
 import torch
 
 from zengrid import __version__
@@ -229,11 +228,9 @@ class Run:
         Markets have several equilibria, and a single learner seldom leaves the one it has come to. Of several seeds
         that one is best to play with.
         """
-        return max(range(len(self.best)), key=lambda place: self._rank(place))
-
-    def _rank(self, place: int) -> Rank:
-        kept = self.best[place]
-        return Rank(False, -np.inf) if kept is None else kept.rank
+        # An evaluation ranks all markets, so that none is left out here.
+        ranks = [kept.rank for kept in self.best if kept is not None]
+        return ranks.index(max(ranks))
 
     def forget_later(self) -> None:
         """Take out of the progress what came after the checkpoint: it comes again, and alike."""
