@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import gc
+import math
 import secrets
 import signal
+import time
 from abc import ABC, abstractmethod
 from types import FrameType
 from typing import Any, Generic, TypeVar
@@ -12,12 +14,15 @@ from typing import Any, Generic, TypeVar
 from zengrid import logs
 from zengrid.bus.agent import AgentLink, Arrival
 from zengrid.errors import ZengridError
-from zengrid.wire.codec import decode, encode_fields
+from zengrid.wire.codec import decode, encode_fields, read
 from zengrid.wire.requests import JoinReply, JoinRequest, PolicyReply, PolicyRequest
 from zengrid.wire.slots import FleetObservation, GridObservation
 from zengrid_agent.learning import Learning
 
 Seen = TypeVar("Seen", GridObservation, FleetObservation)
+
+LULL_S = 0.01
+"""After so long without an observation more than one can have come: this process, or its policy, stood still."""
 
 
 class Stop(Exception):  # noqa: N818 - asked for, not an error
@@ -45,6 +50,8 @@ class AgentSession(ABC, Generic[Seen]):
         self._learning = learning
         self._clock_seen = False
         self._busy = self._stopping = False
+        self._arrived = -math.inf
+        """When the last observation came (monotonic clock)."""
         self._refused: ZengridError | None = None
         self._last: JoinReply | Seen | None = None
         """What last told day and slot."""
@@ -122,20 +129,26 @@ class AgentSession(ABC, Generic[Seen]):
         return goes_on
 
     def _answer(self, arrival: Arrival | None) -> bool:
-        while arrival is not None:
-            seen = decode(self.observation, arrival.payload, arrival.encoding)
-            self._last = seen
-            if seen.phase == "end":
-                return False
-            # After a pause of this process only the newest observation is still awaited.
-            newer = self.link.pending()
-            if newer is None:
-                self.link.act(encode_fields(self._action(seen), arrival.encoding), arrival.encoding)
-                if self._learning is not None:
-                    self._learning.reflect()  # once the action has left
-                return True
-            arrival = newer
-        return False
+        now = time.monotonic()
+        if now - self._arrived > LULL_S:
+            # Only the newest is still awaited.
+            while arrival is not None and (newer := self.link.pending()) is not None:
+                arrival = newer
+        self._arrived = now
+        if arrival is None:
+            return False
+        self._last = seen = read(self.observation, arrival.payload, arrival.encoding)
+        if seen.phase == "end":
+            return False
+        try:
+            action = self._action(seen)
+        except Exception:
+            decode(self.observation, arrival.payload, arrival.encoding)  # says so where the observation is to blame
+            raise
+        self.link.act(encode_fields(action, arrival.encoding), arrival.encoding)
+        if self._learning is not None:
+            self._learning.reflect()  # once the action has left
+        return True
 
     def _action(self, seen: Seen) -> dict[str, Any]:
         """The fields of ``GridAction`` or ``FleetAction``."""

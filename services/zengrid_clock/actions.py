@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zengrid.core.params import Homes
-from zengrid.wire.codec import decode
+from zengrid.wire.codec import decode, read
 from zengrid.wire.slots import FleetAction, GridAction
 from zengrid_clock.barrier import Moment, Refused
 from zengrid_clock.roster import Agent
@@ -28,14 +28,16 @@ def read_price(
     """The grid agent's price, as one of the permitted levels; raises ``Refused`` or ``WireError``."""
     if len(payload) > BYTES_BASE:
         raise Refused("oversized")
-    action = decode(GridAction, payload, encoding)
-    moment = _identify(agent, action, run)
-    if moment == now:
-        for level in levels:
-            if abs(action.buy_price - level) <= PRICE_TOLERANCE:
-                return moment, level
-        raise Refused("out_of_range", moment)
-    return moment, action.buy_price
+    action = read(GridAction, payload, encoding)
+    if not _awaited(action, agent, run, now):
+        action = decode(GridAction, payload, encoding)
+        moment = _identify(agent, action, run)
+        if moment != now:
+            return moment, action.buy_price
+    for level in levels:
+        if abs(action.buy_price - level) <= PRICE_TOLERANCE:
+            return now, level
+    raise Refused("out_of_range", now)
 
 
 class CommandRange:
@@ -64,11 +66,26 @@ def read_commands(
     """A prosumer agent's commands, one a home; raises ``Refused`` or ``WireError``."""
     if len(payload) > permitted.bytes_max:
         raise Refused("oversized")
-    action = decode(FleetAction, payload, encoding)
-    moment = _identify(agent, action, run)
-    if moment == now and not permitted.permits(action.battery_kw):
-        raise Refused("out_of_range", moment)
-    return moment, action.battery_kw
+    action = read(FleetAction, payload, encoding)
+    if not _awaited(action, agent, run, now):
+        action = decode(FleetAction, payload, encoding)
+        moment = _identify(agent, action, run)
+        if moment != now:
+            return moment, action.battery_kw
+    if not permitted.permits(action.battery_kw):
+        raise Refused("out_of_range", now)
+    return now, action.battery_kw
+
+
+def _awaited(action: GridAction | FleetAction, agent: Agent, run: str, now: Moment) -> bool:
+    """Whether it says what is waited for: then its values need no further check than that they are permitted."""
+    return (
+        action.slot == now.slot
+        and action.day == now.day
+        and action.phase == now.phase
+        and action.instance == agent.instance
+        and action.run == run
+    )
 
 
 def _identify(agent: Agent, action: GridAction | FleetAction, run: str) -> Moment:

@@ -18,7 +18,7 @@ from zengrid.bus.session import open_client
 from zengrid.journal import Journal, RunView
 from zengrid.journal.audit import audit
 from zengrid.testing import Market
-from zengrid.wire.codec import JSON, encode
+from zengrid.wire.codec import JSON, encode, encode_fields
 from zengrid.wire.requests import JoinRequest
 from zengrid.wire.slots import FleetAction, GridAction, PublicSlot
 
@@ -172,9 +172,9 @@ def test_messages_that_do_not_count_are_refused_by_cause_and_change_nothing(mark
 
         def action(**changes: object) -> bytes:
             day = latest.day + 1_000_000
-            fields = {"v": 1, "run": market.run, "day": day, "slot": 0, "phase": "battery"}
+            fields: dict[str, object] = {"v": 1, "run": market.run, "day": day, "slot": 0, "phase": "battery"}
             fields |= {"instance": "0123456789abcdef", "battery_kw": np.array([2.0]), **changes}
-            return encode(FleetAction.trusted(**fields))
+            return encode_fields(fields)
 
         bad: dict[str, tuple[str, bytes]] = {
             "malformed": ("p1", b"{not json"),

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from zengrid.errors import WireError
-from zengrid.wire.codec import BINARY, JSON, decode, encode
+from zengrid.wire.codec import BINARY, JSON, decode, encode, encode_fields, read
 from zengrid.wire.requests import JoinRequest
 from zengrid.wire.slots import FleetAction, FleetObservation, FleetSettled, GridAction
 
@@ -45,6 +45,19 @@ def test_every_bit_survives(message: FleetObservation, encoding: str) -> None:
     assert encode(back) == encode(message)
 
 
+@given(observations(), st.sampled_from([JSON, BINARY]))
+def test_reading_gives_what_decoding_gives(message: FleetObservation, encoding: str) -> None:
+    payload = encode(message, encoding)
+    quick, checked = read(FleetObservation, payload, encoding), decode(FleetObservation, payload, encoding)
+    assert encode_fields(
+        {name: getattr(quick, name) for name in FleetObservation.model_fields if name != "settled"}
+    ) == (encode_fields({name: getattr(checked, name) for name in FleetObservation.model_fields if name != "settled"}))
+    assert (quick.settled is None) == (checked.settled is None)
+    if quick.settled is not None and checked.settled is not None:
+        for name in FleetSettled.model_fields:
+            assert np.array_equal(getattr(quick.settled, name), getattr(checked.settled, name))
+
+
 ACTION = '{"v":1,"run":"main","day":0,"slot":3,"phase":"battery","instance":"0123456789","battery_kw":[%s]}'
 
 
@@ -71,11 +84,30 @@ def test_bad_json_is_refused_in_one_line(payload: bytes, says: str) -> None:
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("payload", "says"),
+    [
+        ((ACTION % "NaN").encode(), "battery_kw.0 = nan: Input should be a finite number"),
+        ((ACTION % '"1"').encode(), "battery_kw.0 = '1'"),
+        ((ACTION % "true").encode(), "battery_kw.0 = True"),
+        ((ACTION % "1").replace('"v":1', '"v":2').encode(), "v = 2: Input should be 1"),
+        ((ACTION % "1").replace('"day":0', '"day":0.0').encode(), "day = 0.0"),
+        ((ACTION % "1").replace("}", ',"extra":1}').encode(), "extra = 1: Extra inputs are not permitted"),
+    ],
+)
+def test_what_has_other_fields_or_types_cannot_be_read_either(payload: bytes, says: str) -> None:
+    with pytest.raises(WireError) as caught:
+        read(FleetAction, payload)
+    assert says in str(caught.value)
+
+
 @given(st.binary(max_size=200))
 def test_random_bytes_are_refused(payload: bytes) -> None:
     for encoding in (JSON, BINARY):
         with pytest.raises(WireError):
             decode(FleetAction, payload, encoding)
+        with pytest.raises(WireError):
+            read(FleetAction, payload, encoding)
 
 
 @given(st.data())
