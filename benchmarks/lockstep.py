@@ -34,7 +34,7 @@ import psutil
 import yaml
 
 from zengrid.bus.client import Client
-from zengrid.bus.session import open_client  # noqa: F401 - sets the same thread hand-over for all
+from zengrid.bus.session import HANDOVER, RUNTIME
 from zengrid.errors import BusError
 from zengrid.journal import Journal
 from zengrid.scenario import load
@@ -42,7 +42,6 @@ from zengrid.testing import free_endpoint
 from zengrid.wire.requests import Status
 
 Row = dict[str, float]
-HANDOVER = os.environ["ZENOH_RUNTIME"]
 WARM_SLOTS = 50
 SECURED = "zengrid, certificates"
 PEER_SLOTS = {3: 600, 10: 200, 30: 60}
@@ -141,7 +140,7 @@ class Peers:
         command += ["--clock", "fifo", "--agent", "fifo", "--secs", str(seconds)]
         results = self.folder / "lockstep_results.jsonl"
         results.unlink(missing_ok=True)
-        environment = {**os.environ, "ZENOH_RUNTIME": HANDOVER}
+        environment = {**os.environ, RUNTIME: HANDOVER.format(threads=2)}
         subprocess.run(command, cwd=self.folder, check=True, stdout=subprocess.DEVNULL, env=environment)
         (run,) = json.loads(results.read_text())["res"]
         return {
