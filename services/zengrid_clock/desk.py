@@ -187,10 +187,15 @@ class Desk:
         return (clock.day, later) if later < clock.scenario.slots_per_day else (clock.day + 1, 0)
 
     def _when_between_slots(self, change: Callable[[], None]) -> None:
-        if self.clock.in_slot:
+        if self.clock.in_slot or self.clock.committing:
             self._changes.append(change)
         else:
             change()
+
+    @property
+    def waiting(self) -> bool:
+        """Whether somebody asked during the slot to be let in or out."""
+        return bool(self._changes)
 
     def apply_changes(self) -> None:
         """Let those in and out who asked during the slot."""

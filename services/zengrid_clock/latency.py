@@ -15,8 +15,8 @@ class Latencies:
     """The last slots' times: price phase, battery phase, commit; and when the slots ended."""
 
     def __init__(self) -> None:
-        self._times = np.zeros((WINDOW, 3))
-        self._ended = np.zeros(WINDOW)
+        self._times = [(0.0, 0.0, 0.0)] * WINDOW
+        self._ended = [0.0] * WINDOW
         self.count = 0
         self._counted = 0
         self._counts = np.zeros((len(BOUNDS_MS) + 1, 3), np.int64)
@@ -33,9 +33,7 @@ class Latencies:
 
     def summary(self) -> Latency:
         """Medians and 99th percentiles. [ms]"""
-        known = self._times[: min(self.count, WINDOW)]
-        if not len(known):
-            known = self._times[:1]
+        known = np.array(self._times[: max(min(self.count, WINDOW), 1)])
         (p1, p2, p3), (q1, q2, q3) = (np.percentile(known, p, axis=0) * 1e3 for p in (50, 99))
         self._count_up()
         price, battery, commit = (self._histogram(column) for column in range(3))
@@ -46,7 +44,8 @@ class Latencies:
 
     def _count_up(self) -> None:
         """Sort the slots since the last time into their classes; many at once cost little."""
-        new_ms = self._times[np.arange(self._counted, self.count) % WINDOW] * 1e3
+        new = [self._times[number % WINDOW] for number in range(self._counted, self.count)]
+        new_ms = np.array(new).reshape(-1, 3) * 1e3
         self._counted = self.count
         self._sums_ms += new_ms.sum(axis=0)
         for column in range(3):

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zengrid.core.baselines import conventional
-from zengrid.core.settle import settle
+from zengrid.core.home import battery_step
+from zengrid.core.settle import Prepared, conclude, prepare, settle
 from zengrid.core.state import Action, Exogenous, Settlement
+from zengrid.journal.record import Twin
 from zengrid.scenario import homes_params
 
 if TYPE_CHECKING:
@@ -20,9 +22,18 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 
+TWIN_VALUES = 10_000
+"""How many slots of the twin are settled at once: so many values of one column, and no more than profiles are there."""
 DAYS_AHEAD = 32
 VALUES_AHEAD = 100_000
 """How many days are generated at once: so many, or so many values of one column, whichever is less."""
+
+
+NO_TWIN = Twin(*np.zeros((4, 0, 0)))
+
+
+def _part(days: Exogenous, index: Any) -> Exogenous:
+    return Exogenous(*(column[index] for column in days))
 
 
 class LastSlot(NamedTuple):
@@ -57,7 +68,12 @@ class LiveMarket:
         self.scenario = scenario
         self.day, self.slot = -1, 0
         self._days = days
-        self._ahead: dict[int, Exogenous] = {}
+        self._ahead = self._profile = Exogenous(*np.zeros((4, 0)))
+        self._ahead_from = 0
+        """Its first day."""
+        self._twin = NO_TWIN
+        self._twin_from = 0, 0
+        """The first day and slot that were settled ahead."""
         self.agents: dict[str, slice] = {}
         self.specs: list[HomeSpec] = list(scenario.homes)
         self.homes: tuple[str, ...] = scenario.home_ids
@@ -85,20 +101,19 @@ class LiveMarket:
 
     def _load_day(self) -> None:
         """Profiles of the homes that are there now, and what the conventional rule commands them."""
-        self._profile = self._days_ahead(self.day)
+        if not 0 <= self.day - self._ahead_from < len(self._ahead.pv_kw):
+            self._look_ahead()
+        self._profile = _part(self._ahead, self.day - self._ahead_from)
         if self.homes != self.scenario.home_ids:
             pv_kw, load_kw = self._days.homes_day(self.specs, self.day)
             self._profile = self._profile._replace(pv_kw=pv_kw, load_kw=load_kw)
         self._command = conventional(self._profile.pv_kw, self._profile.load_kw, self.market.homes)
 
-    def _days_ahead(self, day: int) -> Exogenous:
-        """A day of the scenario; some are made at once, because one by one each costs as much as all of them."""
-        if day not in self._ahead:
-            values = self.slots_per_day * max(len(self.scenario.homes), 1)
-            numbers = np.arange(day, day + max(1, min(DAYS_AHEAD, VALUES_AHEAD // values)))
-            block = self._days.days(numbers)
-            self._ahead = {int(number): Exogenous(*(column[i] for column in block)) for i, number in enumerate(numbers)}
-        return self._ahead[day]
+    def _look_ahead(self) -> None:
+        """Make some days of the scenario at once: one by one each costs as much as all of them."""
+        values = self.slots_per_day * max(len(self.scenario.homes), 1)
+        self._ahead = self._days.days(np.arange(self.day, self.day + max(1, min(DAYS_AHEAD, VALUES_AHEAD // values))))
+        self._ahead_from = self.day
 
     def sell_prices(self, day: int) -> list[float]:
         """The posted tariff of a day, one price a slot. [$/kWh]"""
@@ -113,21 +128,55 @@ class LiveMarket:
         """PV, loads and tariff of one slot of the current day."""
         return self._profile.slot(slot)
 
-    def twin(self, slot: int, exogenous: Exogenous) -> Settlement:
+    def twin(self, slot: int) -> Twin:
         """The coming slot without demand response."""
-        price = np.asarray(self.scenario.conventional_buy_price)
-        return settle(self.conventional_soc, Action(price, self._command[slot]), exogenous, self.market)
+        day, within = self.day - self._twin_from[0], slot - self._twin_from[1]
+        if not (0 <= day < self._twin.soc.shape[0] and 0 <= within < self._twin.soc.shape[1]):
+            self._settle_twin(slot)
+            day = within = 0
+        return Twin(*(column[day, within] for column in self._twin))
+
+    def _settle_twin(self, slot: int) -> None:
+        """Settle the twin from this slot on: it depends on no answer, and many slots cost little more than one."""
+        slots = min(self.slots_per_day - slot, max(TWIN_VALUES // max(len(self.homes), 1), 1))
+        days = _part(self._profile, np.newaxis)
+        if slot == 0 and self.homes == self.scenario.home_ids:
+            first = self.day - self._ahead_from
+            days = _part(self._ahead, slice(first, first + max(TWIN_VALUES // days.pv_kw.size, 1)))
+        ahead = _part(days, (slice(None), slice(slot, slot + slots)))
+        command = conventional(ahead.pv_kw, ahead.load_kw, self.market.homes)
+        soc = np.empty_like(command)
+        start = np.broadcast_to(self.conventional_soc, command[:, 0].shape)
+        while True:
+            state = start
+            for each in range(slots):
+                soc[:, each] = state
+                _, state = battery_step(state, command[:, each], self.market)
+            # Where energy is carried over, a day starts as the one before it has ended: each round has one day more
+            # right, and all of them as soon as batteries that are full or empty once a day forget how they started.
+            carried = start if self.scenario.soc_reset == "daily" else np.concatenate([start[:1], state[:-1]])
+            if np.array_equal(carried, start):
+                break
+            start = carried
+        price = np.full(command.shape[:2], self.scenario.conventional_buy_price)
+        settled = settle(soc, Action(price, command), ahead, self.market)
+        self._twin = Twin(settled.soc, settled.bill, settled.profit, settled.facility_kw)
+        self._twin_from = self.day, slot
 
     def fallback(self, slot: int) -> Floats:
         """Commands for homes whose agent does not answer, from the conventional rule; a copy to write into."""
         command: Floats = self._command[slot].copy()
         return command
 
-    def settle(self, action: Action, exogenous: Exogenous) -> Settlement:
-        """What came of a slot; nothing changes before ``advance``."""
-        return settle(self.soc, action, exogenous, self.market)
+    def prepare(self, exogenous: Exogenous) -> Prepared:
+        """What of a slot can be settled before anybody has acted."""
+        return prepare(self.soc, exogenous, self.market)
 
-    def advance(self, settled: Settlement, twin: Settlement) -> None:
+    def settle(self, prepared: Prepared, action: Action) -> Settlement:
+        """What came of a slot; nothing changes before ``advance``."""
+        return conclude(prepared, action, self.market)
+
+    def advance(self, settled: Settlement, twin: Twin) -> None:
         """Continue from a settled (and journalled) slot."""
         self.slot += 1
         self.soc, self.conventional_soc = settled.soc, twin.soc
@@ -182,3 +231,4 @@ class LiveMarket:
         self.specs, self.agents = specs, agents
         self.homes = tuple(spec.id for spec in specs)
         self.market = self.market.with_homes(homes_params(specs))
+        self._twin = NO_TWIN

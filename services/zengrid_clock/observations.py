@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from pydantic_core import to_json
 
 from zengrid.core.state import Exogenous
 from zengrid.wire.codec import BINARY, JSON, encode_fields
@@ -16,14 +14,6 @@ from zengrid_clock.roster import Agent
 
 Columns = dict[str, Any]
 """Columns of all homes, as arrays or as lists: both are cut into the agents' parts alike."""
-
-
-class Settled(NamedTuple):
-    """Which slot was settled last, and at which price."""
-
-    day: int
-    slot: int
-    buy_price: float
 
 
 class Observer:
@@ -37,15 +27,19 @@ class Observer:
     def __init__(self, run: str, market: LiveMarket) -> None:
         self.run = run
         self.market = market
-        self.settled: Settled | None = None
         self._head: dict[str, Any] = {}
         self._buy_price = 0.0
-        self._settled_head: dict[str, Any] | None = None
+        self._settled: dict[str, Any] | None = None
+        """Which slot was settled last, and at which price."""
         self._arrays: tuple[Columns, Columns] = ({}, {})
         self._lists: tuple[Columns, Columns] | None = None
         self._written: dict[str, bytes] = {}
         """JSON of each prosumer agent up to its last field, the price"""
         self._rest = b""
+
+    def settled(self, day: int, slot: int, buy_price: float) -> None:
+        """Take note of the slot that was settled last."""
+        self._settled = {"v": 1, "day": day, "slot": slot, "buy_price": buy_price}
 
     def look(self, moment: Moment, exogenous: Exogenous, deadline_s: float, *, end: bool = False) -> None:
         """Take in the market at one moment: before the price is set, for those who answer to it, or at the end."""
@@ -60,9 +54,6 @@ class Observer:
             "deadline_s": deadline_s,
             "sell_price": float(exogenous.sell_price),
         }
-        self._settled_head = None
-        if last is not None and self.settled is not None:
-            self._settled_head = {"v": 1, **self.settled._asdict()}
         if moment.phase == "price":
             return
         own = {"soc": market.soc, "pv_kw": exogenous.pv_kw, "load_kw": exogenous.load_kw}
@@ -72,16 +63,15 @@ class Observer:
         self._arrays, self._lists = (own, outcome), None
         self._written = {}
 
-    def write_ahead(self, agents: Iterable[Agent]) -> None:
+    def write_ahead(self, agent: Agent) -> None:
         """Write all but the price, after a look at what prosumers are to be told."""
-        for agent in agents:
-            if agent.encoding == "json":
-                self._written[agent.id] = self._without_price(agent)
+        if agent.encoding == "json":
+            self._written[agent.id] = self._without_price(agent)
 
     def set_price(self, buy_price: float) -> None:
         """The price that prosumers are told. [$/kWh]"""
         self._buy_price = buy_price
-        self._rest = b',"buy_price":%b}' % to_json(buy_price)
+        self._rest = b',"buy_price":%b}' % repr(buy_price).encode()
 
     def tell(self, agent: Agent) -> tuple[bytes, str]:
         """An agent's observation (paper eq. 14 and 15), and its encoding."""
@@ -92,16 +82,10 @@ class Observer:
             return (self._written.get(agent.id) or self._without_price(agent)) + self._rest, JSON
         return encode_fields({**self._fleet(agent), "buy_price": self._buy_price}, BINARY), BINARY
 
-    def _without_price(self, agent: Agent) -> bytes:
-        return encode_fields(self._fleet(agent)).removesuffix(b"}")
-
     def _grid(self, agent: Agent) -> dict[str, Any]:
         last = self.market.last
         homes = len(self.market.homes)
         payment = last.payment if last is not None else np.zeros(homes)
-        settled = None
-        if last is not None and self._settled_head is not None and agent.settled:
-            settled = {**self._settled_head, "reward": last.profit, "fallback": not agent.acted_last}
         return {
             **self._head,
             "homes": homes,
@@ -109,10 +93,11 @@ class Observer:
             "payment": payment if agent.observation == "paper" else None,
             "payment_sum": float(np.add.reduce(payment)),
             "demand_kw": last.demand_kw if last is not None else 0.0,
-            "settled": settled,
+            "settled": self._settled_of(agent, {"reward": 0.0 if last is None else last.profit}),
         }
 
     def _fleet(self, agent: Agent) -> dict[str, Any]:
+        """All but the price."""
         mine = self.market.agents[agent.id]
         if agent.encoding == "binary":
             own, outcome = self._arrays
@@ -122,12 +107,14 @@ class Observer:
                 own, outcome = ({name: array.tolist() for name, array in part.items()} for part in self._arrays)
                 self._lists = own, outcome
             own, outcome = self._lists
-        settled = None
-        if self._settled_head is not None and agent.settled:
-            settled = {**self._settled_head, "fallback": not agent.acted_last}
-            for name, column in outcome.items():
-                settled[name] = column[mine]
-        fields = {**self._head, "settled": settled}
-        for name, column in own.items():
-            fields[name] = column[mine]
-        return fields
+        settled = self._settled_of(agent, {name: column[mine] for name, column in outcome.items()})
+        return {**self._head, "settled": settled, **{name: column[mine] for name, column in own.items()}}
+
+    def _settled_of(self, agent: Agent, outcome: dict[str, Any]) -> dict[str, Any] | None:
+        """What came of an agent's last slot, where it took part in one."""
+        if self._settled is None or not agent.settled:
+            return None
+        return {**self._settled, "fallback": not agent.acted_last, **outcome}
+
+    def _without_price(self, agent: Agent) -> bytes:
+        return encode_fields(self._fleet(agent)).removesuffix(b"}")

@@ -3,21 +3,35 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from zengrid.core.state import Exogenous, Settlement
 from zengrid.journal import Roster as RosterRecord
 from zengrid.journal import SlotRecord
-from zengrid.wire.slots import HomeColumns, PublicSlot, SettledSlot
+from zengrid.journal.record import Twin
+from zengrid.wire.slots import HomeColumns, SettledSlot
+from zengrid_clock.roster import GRID
 
 if TYPE_CHECKING:
     from zengrid_clock.service import Clock
 
 
-def slot_record(clock: Clock, settled: Settlement, twin: Settlement, exogenous: Exogenous) -> SlotRecord:
-    """What is journalled of a slot before anybody hears of it."""
+class Played(NamedTuple):
+    """A slot that was settled but is not in the journal yet."""
+
+    settled: Settlement
+    twin: Twin
+    exogenous: Exogenous
+    day: int
+    slot: int
+    times_s: tuple[float, float, float]
+    """Of its price phase, its battery phase, and of settling it."""
+
+
+def slot_record(clock: Clock, played: Played) -> SlotRecord:
+    """What is journalled of the last slot, while those who played it still take part."""
     market = clock.market
     fallback = np.zeros(len(market.homes), dtype=np.bool_)
     for agent in clock.roster.prosumers.values():
@@ -25,13 +39,13 @@ def slot_record(clock: Clock, settled: Settlement, twin: Settlement, exogenous: 
             fallback[market.agents[agent.id]] = True
     return SlotRecord.of(
         position=clock.position,
-        day=clock.day,
-        slot=clock.slot,
+        day=played.day,
+        slot=played.slot,
         settled_at=time.time(),
         buy_price=clock.buy_price,
-        exogenous=exogenous,
-        settled=settled,
-        twin=twin,
+        exogenous=played.exogenous,
+        settled=played.settled,
+        twin=played.twin,
         fallback=fallback,
         grid_fallback=not clock.roster.grid.acted_last,
         roster_version=clock.desk.roster_version,
@@ -52,30 +66,32 @@ def roster_record(clock: Clock, version: int) -> RosterRecord:
     )
 
 
-def public_slot(clock: Clock, record: SlotRecord) -> PublicSlot:
-    """What everybody may know of a slot."""
+def public_slot(clock: Clock, record: SlotRecord) -> dict[str, Any]:
+    """What everybody may know of the last slot, while those who played it still take part: ``PublicSlot``'s fields."""
     dt_h = clock.scenario.dt_h
-    return PublicSlot.trusted(
-        v=1,
-        run=clock.hub.keys.run,
-        day=record.day,
-        slot=record.slot,
-        position=record.position,
-        hour=record.slot * dt_h,
-        dt_h=dt_h,
-        state="running" if clock.pace.state == "waiting" else clock.pace.state,
-        buy_price=record.buy_price,
-        sell_price=record.sell_price,
-        demand_kw=record.demand_kw,
-        injection_kw=record.export_kw,
-        facility_kw=record.facility_kw,
-        facility_cost=record.facility_cost,
-        curtailed_kwh=(record.curtailed_kw + record.home_curtailed_kw) * dt_h,
-        unserved_kwh=(record.unserved_kw + record.home_unserved_kw) * dt_h,
-        homes=len(record.soc),
-        acted=tuple(agent.id for agent in clock.roster if agent.settled and agent.acted_last),
-        fell_back=tuple(agent.id for agent in clock.roster if agent.settled and not agent.acted_last),
-    )
+    fallback = record.fallback.tolist()
+    missed = {GRID: record.grid_fallback, **{name: fallback[mine.start] for name, mine in clock.market.agents.items()}}
+    return {
+        "v": 1,
+        "run": clock.hub.keys.run,
+        "day": record.day,
+        "slot": record.slot,
+        "position": record.position,
+        "hour": record.slot * dt_h,
+        "dt_h": dt_h,
+        "state": "running" if clock.pace.state == "waiting" else clock.pace.state,
+        "buy_price": record.buy_price,
+        "sell_price": record.sell_price,
+        "demand_kw": record.demand_kw,
+        "injection_kw": record.export_kw,
+        "facility_kw": record.facility_kw,
+        "facility_cost": record.facility_cost,
+        "curtailed_kwh": (record.curtailed_kw + record.home_curtailed_kw) * dt_h,
+        "unserved_kwh": (record.unserved_kw + record.home_unserved_kw) * dt_h,
+        "homes": len(record.soc),
+        "acted": [name for name in missed if not missed[name]],
+        "fell_back": [name for name in missed if missed[name]],
+    }
 
 
 def settled_slot(clock: Clock, record: SlotRecord, *, homes: bool) -> SettledSlot:

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 from zengrid.errors import JournalError
 from zengrid.scenario import HomeSpec
-from zengrid_clock.observations import Settled
 from zengrid_clock.roster import Agent
 
 if TYPE_CHECKING:
@@ -51,5 +50,5 @@ def restore(clock: Clock) -> None:
         clock.day, clock.slot = last.day + 1, 0
     market.begin_day(clock.day, clock.slot)
     clock.last_record = last
-    clock.observer.settled = Settled(last.day, last.slot, last.buy_price)
+    clock.observer.settled(last.day, last.slot, last.buy_price)
     clock.totals = run.totals()

@@ -17,16 +17,16 @@ from zengrid.bus.hub import Event, Hub
 from zengrid.core.state import Action, Exogenous
 from zengrid.errors import JournalError, JournalUnavailableError
 from zengrid.journal import Totals
-from zengrid.wire.codec import encode
+from zengrid.wire.codec import encode_fields
 from zengrid_clock.actions import CommandRange, read_commands, read_price
 from zengrid_clock.barrier import Barrier, Moment, Refused
 from zengrid_clock.desk import Desk
 from zengrid_clock.latency import Latencies
 from zengrid_clock.market import LiveMarket
 from zengrid_clock.notes import Notes
-from zengrid_clock.observations import Observer, Settled
+from zengrid_clock.observations import Observer
 from zengrid_clock.pacing import Pace
-from zengrid_clock.records import public_slot, slot_record
+from zengrid_clock.records import Played, public_slot, slot_record
 from zengrid_clock.roster import GRID, Agent, Roster
 
 if TYPE_CHECKING:
@@ -87,10 +87,12 @@ class Clock:
         """While the journal cannot take a slot (monotonic)."""
         self.position = self.day = self.slot = 0
         self.buy_price = min(scenario.buy_prices)
-        self.in_slot = False
+        self.in_slot = self.committing = False
         self.last_record: SlotRecord | None = None
-        self._unpublished: tuple[SlotRecord, tuple[str, ...]] | None = None
-        """The last slot and its homes, while nobody has been told of it."""
+        self._played: Played | None = None
+        """The last slot, while it is not in the journal."""
+        self._public = True
+        """Whether the last slot of the journal was published."""
 
     # ---------------------------------------------------------------- lifecycle
 
@@ -139,12 +141,12 @@ class Clock:
             if wait_s == 0.0:
                 self.pace.began(time.monotonic())
                 return True
-            self._publish_last()
+            self._conclude_last()
             self._take(IDLE_S if wait_s is None else min(wait_s, IDLE_S), None)
 
     def _say_goodbye(self) -> None:
         """Tell everyone that it is over, with the last rewards."""
-        self._publish_last()
+        self._conclude_last()
         none = np.zeros(len(self.market.homes))
         nothing = Exogenous(none, none, np.zeros(0), np.zeros(()))
         self.observer.look(Moment(self.day, self.slot, "battery"), nothing, self.pace.deadline_s, end=True)
@@ -170,45 +172,97 @@ class Clock:
         moment = Moment(self.day, self.slot, "price")
         self.observer.look(moment, exogenous, self.pace.deadline_s)
         barrier = self._open(moment, [self.roster.grid])
-        # While the grid agent thinks: tell the world of the last slot, and get ready all that does not need the price.
-        self._publish_last()
+        # While the grid agent thinks: make the last slot a fact, and write what prosumers are told, but for the price.
+        self._commit_last(barrier)
         moment = Moment(self.day, self.slot, "battery")
         self.observer.look(moment, exogenous, self.pace.deadline_s)
-        self.observer.write_ahead(agents)
-        twin = self.market.twin(self.slot, exogenous)
-        command = self.market.fallback(self.slot)
+        for agent in agents:
+            if barrier.done:
+                break
+            self.observer.write_ahead(agent)
+            self._take(0.0, barrier)
         self._collect(barrier)
-        self._conclude(barrier, self.roster.grid)
+        self._count_answer(barrier, self.roster.grid)
         self.buy_price = barrier.answers.get(GRID, self.buy_price)
         priced = time.perf_counter()
 
         self.observer.set_price(self.buy_price)
         barrier = self._open(moment, agents)
+        # While they think: tell the world of the last slot, and get ready what this one needs.
+        self._publish_last()
+        twin = self.market.twin(self.slot)
+        command = self.market.fallback(self.slot)
+        prepared = self.market.prepare(exogenous)
         self._collect(barrier)
         for agent in agents:
-            self._conclude(barrier, agent)
+            self._count_answer(barrier, agent)
             if agent.id in barrier.answers:
                 command[self.market.agents[agent.id]] = barrier.answers[agent.id]
         answered = time.perf_counter()
 
-        settled = self.market.settle(Action(np.asarray(self.buy_price), command), exogenous)
-        changed = self.desk.changed_roster()
-        record = slot_record(self, settled, twin, exogenous)
-        self._commit(record, changed)
-        # From here on the slot is a fact: it is in the journal.
-        settled_homes = self.market.homes
-        self.last_record = record
+        settled = self.market.settle(prepared, Action(np.asarray(self.buy_price), command))
         self.market.advance(settled, twin)
-        self.observer.settled = Settled(self.day, self.slot, self.buy_price)
+        self.observer.settled(self.day, self.slot, self.buy_price)
         for agent in self.roster:
             agent.settled = True
-        self._unpublished = record, settled_homes
-        self.notes.slot_settled()
+        times_s = priced - began, answered - priced, time.perf_counter() - answered
+        self._played = Played(settled, twin, exogenous, self.day, self.slot, times_s)
         self._advance()
-        committed = time.perf_counter()
-        self.latencies.add(priced - began, answered - priced, committed - answered, committed)
 
-    def _commit(self, record: SlotRecord, roster: RosterRecord | None) -> None:
+    def _advance(self) -> None:
+        self.slot += 1
+        if self.slot == self.scenario.slots_per_day:
+            self.day, self.slot = self.day + 1, 0
+        self.pace.finished()
+        self.in_slot = False
+        if self.desk.waiting:
+            self._conclude_last()
+
+    def _conclude_last(self) -> None:
+        """Put the last slot into the journal, and tell the world of it, where that is still to be done."""
+        self._commit_last(None)
+        self._publish_last()
+        self.desk.apply_changes()
+
+    def _commit_last(self, barrier: Barrier[Any] | None) -> None:
+        """Put the last slot into the journal.
+
+        Nobody but the grid agent has heard of it before, and what that answers is used only after it.
+
+        Parameters
+        ----------
+        barrier:
+            The phase that is open meanwhile: where the journal lets the clock wait, its answers count.
+        """
+        played, self._played = self._played, None
+        if played is None:
+            return
+        began = time.perf_counter()
+        roster = self.desk.changed_roster()
+        record = slot_record(self, played)
+        self.committing = True
+        self._commit(record, roster, barrier)
+        self.committing = False
+        # From here on the slot is a fact: it is in the journal.
+        committed = time.perf_counter()
+        self.position += 1
+        self.last_record = record
+        self._public = False
+        self.totals.add(record, self.market.homes)
+        self.notes.slot_settled()
+        if self.slot == 0 and self.retention is not None:
+            self.retention.day_is_over()
+        price_s, battery_s, settle_s = played.times_s
+        self.latencies.add(price_s, battery_s, settle_s + committed - began, committed)
+
+    def _publish_last(self) -> None:
+        """Tell the world of the last slot."""
+        if not self._public:
+            assert self.last_record is not None
+            self.hub.publish_slot(encode_fields(public_slot(self, self.last_record)))
+            self._public = True
+
+    def _commit(self, record: SlotRecord, roster: RosterRecord | None, barrier: Barrier[Any] | None) -> None:
         """Put a slot into the journal; where that cannot take it, wait until it can, for too long, or asked to end."""
         totals = self.totals if self.position % TOTALS_SLOTS == 0 else None
         said = ""
@@ -220,10 +274,10 @@ class Clock:
                 self._wait_for_journal(error)
                 if str(error) != said:
                     said = str(error)
-                    logs.say(f"waiting: {said}", "warning", day=self.day, slot=self.slot)
+                    logs.say(f"waiting: {said}", "warning", day=record.day, slot=record.slot)
             until = time.monotonic() + IDLE_S
             while (left := until - time.monotonic()) > 0:
-                self._take(left, None)
+                self._take(left, barrier)
         if self.journal_away_since is not None:
             away_s = time.monotonic() - self.journal_away_since
             self.journal_away_since = None
@@ -240,24 +294,6 @@ class Clock:
             raise error
         if now - self.journal_away_since >= self.settings.journal_wait_s:
             raise JournalError(f"given up after {self.settings.journal_wait_s:g} s: {error}")
-
-    def _advance(self) -> None:
-        self.position += 1
-        self.slot += 1
-        if self.slot == self.scenario.slots_per_day:
-            self.day, self.slot = self.day + 1, 0
-            if self.retention is not None:
-                self.retention.day_is_over()
-        self.pace.finished()
-        self.in_slot = False
-        self.desk.apply_changes()
-
-    def _publish_last(self) -> None:
-        """Tell the world of the last slot and count it, where that is still to be done."""
-        settled, self._unpublished = self._unpublished, None
-        if settled is not None:
-            self.hub.publish_slot(encode(public_slot(self, settled[0])))
-            self.totals.add(*settled)
 
     # ---------------------------------------------------------------- one phase
 
@@ -287,7 +323,7 @@ class Clock:
                 return
             self._take(left, barrier)
 
-    def _conclude(self, barrier: Barrier[Any], agent: Agent) -> None:
+    def _count_answer(self, barrier: Barrier[Any], agent: Agent) -> None:
         """Write down how an agent fared in this phase."""
         if agent.id in barrier.answers:
             agent.counted()
@@ -313,6 +349,9 @@ class Clock:
             self.refused["second_session"] += 1
             self.notes.note("info", "second session refused", agent=event.agent)
         else:
+            # Between two slots an answer may change who takes part, and tells of the last slot: that must be a fact.
+            if not self.in_slot and not self.committing:
+                self._conclude_last()
             self.desk.answer(event)
         return True
 
@@ -334,12 +373,9 @@ class Clock:
         run = self.hub.keys.run
         if agent.role == "grid":
             return read_price(agent, event.payload, event.encoding, run, moment, self.scenario.buy_prices)
-        return read_commands(agent, event.payload, event.encoding, run, moment, self._permitted(agent))
-
-    def _permitted(self, agent: Agent) -> CommandRange:
         if agent.permitted is None:
             agent.permitted = CommandRange(self.market.market.homes, self.market.agents[agent.id])
-        return agent.permitted
+        return read_commands(agent, event.payload, event.encoding, run, moment, agent.permitted)
 
     def _welcome_back(self, agent: Agent, refusal: Refused) -> None:
         """An absent agent that answered its last observation within the deadline is waited for again."""

@@ -26,7 +26,8 @@ def dispatch(net_kw: Floats, market: Market) -> tuple[Floats, Floats, Floats]:
     facility_kw, curtailed_kw, unserved_kw:
         ``(..., facility)``, ``(...)``, ``(...)``. [kW]
     """
-    left = net_kw[..., None] - market.stage_before_kw
+    # A number needs no axis, and numpy takes it in half the time of an array of one.
+    left = (net_kw[..., None] if net_kw.ndim else net_kw) - market.stage_before_kw
     raised = np.maximum(left, market.stage_min_kw)
     stage_kw = np.minimum(raised, market.stage_max_kw)
     return stage_kw[..., :-1], raised[..., 0] - left[..., 0], stage_kw[..., -1]

@@ -12,6 +12,26 @@ Floats = NDArray[np.float64]
 ZERO = np.zeros(())  # numpy takes an array much faster than a Python number
 
 
+def battery_range(soc: Floats, market: Market) -> tuple[Floats, Floats]:
+    """Powers between which the batteries' power and energy limits leave a choice, ``(..., home)`` each. [kW]"""
+    homes = market.homes
+    upper = np.minimum((homes.soc_max - soc) * market.kw_per_soc_charged, homes.charge_max_kw)
+    lower = np.maximum((homes.soc_min - soc) * market.kw_per_soc_drawn, market.battery_min_kw)
+    return lower, upper
+
+
+def battery_follow(
+    soc: Floats, command_kw: Floats, permitted: tuple[Floats, Floats], market: Market
+) -> tuple[Floats, Floats]:
+    """``battery_step`` where the range of powers is known already."""
+    lower, upper = permitted
+    battery_kw = np.minimum(np.maximum(command_kw, lower), upper)
+    # Losses always leave less in the battery, so the smaller product is the one whose direction applies.
+    after = soc + np.minimum(battery_kw * market.soc_per_kw_charged, battery_kw * market.soc_per_kw_drawn)
+    # The limits hold in real numbers; this keeps the last bit of a float from crossing them.
+    return battery_kw, np.minimum(np.maximum(after, market.homes.soc_min), market.homes.soc_max)
+
+
 def battery_step(soc: Floats, command_kw: Floats, market: Market) -> tuple[Floats, Floats]:
     """Follow a command as far as the battery's power and energy limits allow.
 
@@ -31,14 +51,7 @@ def battery_step(soc: Floats, command_kw: Floats, market: Market) -> tuple[Float
     battery_kw, soc:
         Power really taken [kW] and state of charge at the end of the slot [-], both ``(..., home)``.
     """
-    homes = market.homes
-    upper = np.minimum((homes.soc_max - soc) * market.kw_per_soc_charged, homes.charge_max_kw)
-    lower = np.maximum((homes.soc_min - soc) * market.kw_per_soc_drawn, market.battery_min_kw)
-    battery_kw = np.minimum(np.maximum(command_kw, lower), upper)
-    # Losses always leave less in the battery, so the smaller product is the one whose direction applies.
-    after = soc + np.minimum(battery_kw * market.soc_per_kw_charged, battery_kw * market.soc_per_kw_drawn)
-    # The limits above hold in real numbers; this keeps the last bit of a float from crossing them.
-    return battery_kw, np.minimum(np.maximum(after, homes.soc_min), homes.soc_max)
+    return battery_follow(soc, command_kw, battery_range(soc, market), market)
 
 
 def meter(injection_kw: Floats, market: Market) -> tuple[Floats, Floats, Floats, Floats, Floats]:

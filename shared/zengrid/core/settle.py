@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from zengrid.core.dispatch import dispatch, facility_cost
-from zengrid.core.home import battery_step, meter
+from zengrid.core.home import battery_follow, battery_range, meter
 from zengrid.core.params import Market
 from zengrid.core.state import Action, Exogenous, Settlement
 
@@ -36,26 +38,53 @@ def settle(soc: Floats, action: Action, exogenous: Exogenous, market: Market) ->
     Settlement
         With ``soc`` the state to continue from.
     """
-    dt_h = market.dt_h
-    # Money for one kW over the whole slot [$/kW]; [()] turns an array without axes into a number, which is faster.
-    bought = np.asarray(action.buy_price)[()] * dt_h
-    sold = np.asarray(exogenous.sell_price)[()] * dt_h
-    battery_kw, soc_after = battery_step(soc, action.battery_kw, market)
-    injection_kw, export_kw, import_kw, home_curtailed_kw, home_unserved_kw = meter(
-        exogenous.pv_kw - exogenous.load_kw - battery_kw, market
+    return conclude(prepare(soc, exogenous, market), action, market)
+
+
+class Prepared(NamedTuple):
+    """What is known of a slot before anybody acts."""
+
+    soc: Floats
+    permitted_kw: tuple[Floats, Floats]
+    """(..., home) powers between which each battery can follow a command"""
+    surplus_kw: Floats
+    """(..., home) PV less load"""
+    consumer_kw: Floats
+    """(...) sum of the plain consumers"""
+    sold: Floats
+    """(...) money for one kW over the whole slot [$/kW]"""
+
+
+def prepare(soc: Floats, exogenous: Exogenous, market: Market) -> Prepared:
+    """The first part of ``settle``: a live market does it while it waits for its agents."""
+    return Prepared(
+        soc,
+        battery_range(soc, market),
+        exogenous.pv_kw - exogenous.load_kw,
+        total(exogenous.consumer_kw),
+        _number(exogenous.sell_price) * market.dt_h,
     )
 
-    consumer_kw = total(exogenous.consumer_kw)
+
+def conclude(prepared: Prepared, action: Action, market: Market) -> Settlement:
+    """The second part of ``settle``."""
+    soc, permitted_kw, surplus_kw, consumer_kw, sold = prepared
+    dt_h = market.dt_h
+    bought = _number(action.buy_price) * dt_h
+    battery_kw, soc_after = battery_follow(soc, action.battery_kw, permitted_kw, market)
+    injection_kw, export_kw, import_kw, home_curtailed_kw, home_unserved_kw = meter(surplus_kw - battery_kw, market)
+
     supply_kw = total(export_kw)
     demand_kw = consumer_kw + total(import_kw)
     facility_kw, curtailed_kw, unserved_kw = dispatch(demand_kw - supply_kw, market)
 
     cost = facility_cost(facility_kw, market)
-    payment = export_kw * bought[..., None]
-    bill = import_kw * sold[..., None] - payment
+    payment = export_kw * per_home(bought)
+    bill = import_kw * per_home(sold) - payment
     revenue = demand_kw * sold
+    payments = supply_kw * bought
     lost_load_cost = unserved_kw * (market.value_of_lost_load * dt_h)
-    profit = revenue - total(cost) - supply_kw * bought - lost_load_cost
+    profit = revenue - total(cost) - payments - lost_load_cost
     return Settlement(
         soc=soc_after,
         battery_kw=battery_kw,
@@ -67,6 +96,8 @@ def settle(soc: Floats, action: Action, exogenous: Exogenous, market: Market) ->
         payment=payment,
         bill=bill,
         consumer_payment=consumer_kw * sold,
+        supply_kw=supply_kw,
+        payments=payments,
         demand_kw=demand_kw,
         facility_kw=facility_kw,
         facility_cost=cost,
@@ -76,6 +107,18 @@ def settle(soc: Floats, action: Action, exogenous: Exogenous, market: Market) ->
         lost_load_cost=lost_load_cost,
         profit=profit,
     )
+
+
+def _number(value: Floats) -> Floats:
+    """An array without axes as a number, which is faster."""
+    number: Floats = np.asarray(value)[()]
+    return number
+
+
+def per_home(value: Floats) -> Floats:
+    """What holds for each home of a market, ready to be multiplied with ``(..., home)``."""
+    # A number needs no axis, and numpy takes it in half the time of an array of one.
+    return value[..., None] if value.ndim else value
 
 
 def total(values: Floats) -> Floats:

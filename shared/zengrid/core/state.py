@@ -65,6 +65,10 @@ class Settlement(NamedTuple):
     """(..., home) cost of imports less payment for exports [$]"""
     consumer_payment: Floats
     """(...) what the plain consumers pay [$]"""
+    supply_kw: Floats
+    """(...) all that the homes export [kW]"""
+    payments: Floats
+    """(...) all that the grid pays for it [$]"""
     demand_kw: Floats
     """(...) P_dm, all that the grid sells [kW]"""
     facility_kw: Floats

@@ -20,6 +20,15 @@ _HOMES = _FACILITIES + len(FACILITY_ARRAYS)
 """Where the kinds of columns begin."""
 
 
+class Twin(NamedTuple):
+    """What is kept of a slot without demand response; names and shapes are those of ``Settlement``."""
+
+    soc: Floats
+    bill: Floats
+    profit: Floats
+    facility_kw: Floats
+
+
 class SlotRecord(NamedTuple):
     """What the clock settled for one slot, in the order of the journal's columns.
 
@@ -92,7 +101,7 @@ class SlotRecord(NamedTuple):
         buy_price: float,
         exogenous: Exogenous,
         settled: Settlement,
-        twin: Settlement,
+        twin: Twin | Settlement,
         fallback: NDArray[np.bool_],
         grid_fallback: bool,
         roster_version: int,
@@ -106,10 +115,10 @@ class SlotRecord(NamedTuple):
             buy_price=buy_price,
             sell_price=float(exogenous.sell_price),
             demand_kw=float(settled.demand_kw),
-            export_kw=float(np.add.reduce(settled.export_kw)),
+            export_kw=float(settled.supply_kw),
             consumer_kw=float(np.add.reduce(exogenous.consumer_kw)),
             revenue=float(settled.revenue),
-            payments=float(np.add.reduce(settled.payment)),
+            payments=float(settled.payments),
             profit=float(settled.profit),
             lost_load_cost=float(settled.lost_load_cost),
             curtailed_kw=float(settled.curtailed_kw),
@@ -142,7 +151,7 @@ class SlotRecord(NamedTuple):
         return (
             *map(int, cells[:_FIGURES]),
             *map(float, cells[_FIGURES:_FACILITIES]),
-            *[array.astype(FLOAT, copy=False).tobytes() for array in cells[_FACILITIES:-1]],
+            *[(array if array.dtype is FLOAT else array.astype(FLOAT)).tobytes() for array in cells[_FACILITIES:-1]],
             self.fallback.astype(np.uint8, copy=False).tobytes(),
         )
 

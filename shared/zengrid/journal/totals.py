@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Self
+from collections.abc import Mapping
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,15 @@ TOTALS = (
     "profit", "conventional_profit", "bills", "conventional_bills", "reserve_kwh", "conventional_reserve_kwh",
     "curtailed_kwh", "unserved_kwh",
 )  # fmt: skip
+_COUNTED = (
+    "profit", "conventional_profit", "bill", "conventional_bill", "facility_kw", "conventional_facility_kw",
+    "curtailed_kw", "home_curtailed_kw", "unserved_kw", "home_unserved_kw",
+)  # fmt: skip
+"""What of a slot is added up."""
+
+
+QUEUED_SLOTS, QUEUED_VALUES = 64, 10_000
+"""So many slots, or values of one column, wait to be added up at once: one by one each costs as much as all of them."""
 
 
 class Totals:
@@ -29,65 +39,75 @@ class Totals:
 
     def __init__(self, dt_h: float) -> None:
         self.slots = 0
-        self.values = np.zeros(len(TOTALS))
+        """All that were added."""
+        self._values = np.zeros(len(TOTALS))
         self.homes: tuple[str, ...] = ()
-        self.bill: Floats = np.zeros(0)
+        self._bill: Floats = np.zeros(0)
         """(home,)"""
-        self.conventional_bill: Floats = np.zeros(0)
+        self._conventional_bill: Floats = np.zeros(0)
         """(home,)"""
         self._dt_h = dt_h
+        self._queue: list[SlotRecord] = []
+        """Slots of these homes that are not in the sums yet."""
+
+    @property
+    def values(self) -> Floats:
+        """Of the market, in the order of ``TOTALS``."""
+        self._add_queue()
+        return self._values
 
     def bills(self, homes: tuple[str, ...]) -> tuple[Floats, Floats]:
         """Sums of these homes' bills, and what they would be without demand response, ``(home,)`` each. [$]"""
+        self._add_queue()
         if homes is self.homes or homes == self.homes:
-            return self.bill, self.conventional_bill
+            return self._bill, self._conventional_bill
         before = {home: i for i, home in enumerate(self.homes)}
         at = np.array([before.get(home, -1) for home in homes], np.intp)
         # The last entry is what a new home begins with.
-        return np.append(self.bill, 0.0)[at], np.append(self.conventional_bill, 0.0)[at]
-
-    def _follow(self, homes: tuple[str, ...]) -> None:
-        """Go on with other homes: those that stay keep their sums, those that come begin at zero."""
-        self.bill, self.conventional_bill = self.bills(homes)
-        self.homes = homes
+        return np.append(self._bill, 0.0)[at], np.append(self._conventional_bill, 0.0)[at]
 
     def add(self, record: SlotRecord, homes: tuple[str, ...]) -> None:
         """Count one slot."""
-        dt_h = self._dt_h
-        self._follow(homes)
+        if homes is not self.homes:
+            self._follow(homes)
         self.slots += 1
-        self.bill = self.bill + record.bill
-        self.conventional_bill = self.conventional_bill + record.conventional_bill
-        self.values += (
-            record.profit,
-            record.conventional_profit,
-            float(np.add.reduce(record.bill)),
-            float(np.add.reduce(record.conventional_bill)),
-            float(np.add.reduce(record.facility_kw[1:])) * dt_h,
-            float(np.add.reduce(record.conventional_facility_kw[1:])) * dt_h,
-            (record.curtailed_kw + record.home_curtailed_kw) * dt_h,
-            (record.unserved_kw + record.home_unserved_kw) * dt_h,
-        )
+        self._queue.append(record)
+        if len(self._queue) >= QUEUED_SLOTS or len(self._queue) * len(homes) >= QUEUED_VALUES:
+            self._add_queue()
 
     def add_block(self, block: Block) -> None:
         """Count the slots of a piece of a journal."""
-        dt_h = self._dt_h
         self._follow(block.roster.homes)
         self.slots += len(block)
-        self.bill = self.bill + np.add.reduce(block["bill"])
-        self.conventional_bill = self.conventional_bill + np.add.reduce(block["conventional_bill"])
-        columns = (
-            block["profit"], block["conventional_profit"], block["bill"], block["conventional_bill"],
-            block["facility_kw"][:, 1:] * dt_h, block["conventional_facility_kw"][:, 1:] * dt_h,
-            (block["curtailed_kw"] + block["home_curtailed_kw"]) * dt_h,
-            (block["unserved_kw"] + block["home_unserved_kw"]) * dt_h,
+        self._add(block.columns)
+
+    def _follow(self, homes: tuple[str, ...]) -> None:
+        """Go on with other homes: those that stay keep their sums, those that come begin at zero."""
+        self._bill, self._conventional_bill = self.bills(homes)
+        self.homes = homes
+
+    def _add_queue(self) -> None:
+        queue, self._queue = self._queue, []
+        if queue:
+            self._add({name: np.array([getattr(record, name) for record in queue]) for name in _COUNTED})
+
+    def _add(self, columns: Mapping[str, NDArray[Any]]) -> None:
+        dt_h = self._dt_h
+        self._bill = self._bill + np.add.reduce(columns["bill"])
+        self._conventional_bill = self._conventional_bill + np.add.reduce(columns["conventional_bill"])
+        added = (
+            columns["profit"], columns["conventional_profit"], columns["bill"], columns["conventional_bill"],
+            columns["facility_kw"][:, 1:] * dt_h, columns["conventional_facility_kw"][:, 1:] * dt_h,
+            (columns["curtailed_kw"] + columns["home_curtailed_kw"]) * dt_h,
+            (columns["unserved_kw"] + columns["home_unserved_kw"]) * dt_h,
         )  # fmt: skip
-        self.values += [float(np.sum(column)) for column in columns]
+        self._values = self._values + [float(np.sum(column)) for column in added]
 
     def encode(self, roster_version: int) -> bytes:
         """As the journal keeps it: version of the roster whose homes these are, slots, sums, bills."""
         head = (float(roster_version), float(self.slots))
-        return np.concatenate([head, self.values, self.bill, self.conventional_bill]).astype(FLOAT).tobytes()
+        self._add_queue()
+        return np.concatenate([head, self._values, self._bill, self._conventional_bill]).astype(FLOAT).tobytes()
 
     @staticmethod
     def roster_version(data: bytes) -> int:
@@ -102,7 +122,7 @@ class Totals:
             raise JournalError(f"the journal is damaged: its totals are not those of {count} homes")
         made = cls(dt_h)
         made.slots, made.homes = int(numbers[1]), roster.homes
-        _, made.values, made.bill, made.conventional_bill = (
+        _, made._values, made._bill, made._conventional_bill = (
             part.copy() for part in np.split(numbers, np.cumsum([2, len(TOTALS), count]))
         )
         return made

@@ -57,8 +57,7 @@ def same(left: Totals, right: Totals) -> bool:
         left.slots == right.slots
         and left.homes == right.homes
         and np.allclose(left.values, right.values, rtol=1e-12)
-        and np.allclose(left.bill, right.bill, rtol=1e-12)
-        and np.allclose(left.conventional_bill, right.conventional_bill, rtol=1e-12)
+        and np.allclose(left.bills(left.homes), right.bills(right.homes), rtol=1e-12)
     )
 
 
