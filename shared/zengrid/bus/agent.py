@@ -41,7 +41,7 @@ _ENCODINGS = {name: zenoh.Encoding(name) for name in (JSON, BINARY)}
 
 
 class Arrival(NamedTuple):
-    """An observation as it came."""
+    """An observation as it came, in the encoding that this agent joined with."""
 
     payload: bytes
     encoding: str
@@ -65,6 +65,7 @@ class AgentLink:
         self.agent = agent
         self.keys = Keys(run)
         self.timeout_s = timeout_s
+        self._encoding = JSON
         self._session = open_client(
             endpoint, credentials=None if certs is None else Credentials(certs, agent), timeout_s=timeout_s
         )
@@ -105,6 +106,7 @@ class AgentLink:
         Whoever asks for a vacancy is the agent that the reply names from then on.
         """
         self._await_clock()
+        self._encoding = BINARY if wish.encoding == "binary" else JSON
         until = time.monotonic() + timeout_s
         while True:
             try:
@@ -153,14 +155,15 @@ class AgentLink:
     def receive(self) -> Arrival | None:
         """Wait for an observation; None when the link was closed."""
         try:
-            return _arrival(self._observations.recv())
+            sample = self._observations.recv()
         except zenoh.ZError:
             return None
+        return Arrival(sample.payload.to_bytes(), self._encoding)
 
     def pending(self) -> Arrival | None:
         """An observation that is there already, or None."""
         sample = self._observations.try_recv()
-        return None if sample is None else _arrival(sample)
+        return None if sample is None else Arrival(sample.payload.to_bytes(), self._encoding)
 
     def act(self, payload: bytes, encoding: str) -> None:
         """Send the action."""
@@ -189,7 +192,3 @@ class AgentLink:
                     query.reply_err(encode(Refusal(reason="unavailable", message=message)), encoding=JSON)
 
         self._policy = self._session.declare_queryable(self.keys.policy(self.agent), on_query, complete=True)
-
-
-def _arrival(sample: zenoh.Sample) -> Arrival:
-    return Arrival(sample.payload.to_bytes(), str(sample.encoding))
