@@ -181,6 +181,8 @@ class Clock:
                 break
             self.observer.write_ahead(agent)
             self._take(0.0, barrier)
+        if not barrier.done:
+            self._publish_last()  # else there is more time for it when the prosumers think
         self._collect(barrier)
         self._count_answer(barrier, self.roster.grid)
         self.buy_price = barrier.answers.get(GRID, self.buy_price)

@@ -19,7 +19,7 @@ from zengrid.journal import Journal, RunView
 from zengrid.journal.audit import audit
 from zengrid.testing import Market
 from zengrid.wire.codec import JSON, encode, encode_fields
-from zengrid.wire.requests import JoinRequest
+from zengrid.wire.requests import JoinRequest, Status
 from zengrid.wire.slots import FleetAction, GridAction, PublicSlot
 
 PAPER = ("p1", "p2", "p3")
@@ -92,6 +92,23 @@ def test_a_stopped_agent_costs_deadlines_then_nothing_and_returns(market: Market
     market.wait_for_slot(lambda slot: agent in slot.acted, missing=f"{agent} back")
     run = settled(market)
     assert longest_gap_s(run) < DEADLINE_S + SLACK_S
+
+
+def test_a_slot_is_told_while_the_grid_agent_takes_its_time() -> None:
+    with Market("paper", ("--deadline", "20")) as market:
+        market.start_agents(*PAPER)
+        market.wait_for_slots(5)
+        market.processes["grid"].signal(signal.SIGSTOP)
+        seen = [-1]
+
+        def stands_still(status: Status) -> bool:
+            seen.append(status.totals.slots)
+            return seen[-1] == seen[-2]
+
+        held = market.wait_for_status(stands_still, missing="a market that waits").last
+        assert held is not None
+        # Before its link is given up, which ends the waiting.
+        assert market.wait_for_slot(held.position, timeout_s=SLACK_S).position == held.position
 
 
 def test_a_hung_program_is_found_by_the_deadline(market: Market) -> None:
