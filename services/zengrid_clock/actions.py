@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +14,7 @@ from zengrid_clock.barrier import Moment, Refused
 from zengrid_clock.roster import Agent
 
 Floats = NDArray[np.float64]
+Answer = TypeVar("Answer", GridAction, FleetAction)
 
 PRICE_TOLERANCE = 1e-9
 POWER_TOLERANCE_KW = 1e-9
@@ -28,12 +31,9 @@ def read_price(
     """The grid agent's price, as one of the permitted levels; raises ``Refused`` or ``WireError``."""
     if len(payload) > BYTES_BASE:
         raise Refused("oversized")
-    action = read(GridAction, payload, encoding)
-    if not _awaited(action, agent, run, now):
-        action = decode(GridAction, payload, encoding)
-        moment = _identify(agent, action, run)
-        if moment != now:
-            return moment, action.buy_price
+    moment, action = _read(GridAction, agent, payload, encoding, run, now)
+    if moment != now:
+        return moment, action.buy_price
     for level in levels:
         if abs(action.buy_price - level) <= PRICE_TOLERANCE:
             return now, level
@@ -66,15 +66,23 @@ def read_commands(
     """A prosumer agent's commands, one a home; raises ``Refused`` or ``WireError``."""
     if len(payload) > permitted.bytes_max:
         raise Refused("oversized")
-    action = read(FleetAction, payload, encoding)
-    if not _awaited(action, agent, run, now):
-        action = decode(FleetAction, payload, encoding)
-        moment = _identify(agent, action, run)
-        if moment != now:
-            return moment, action.battery_kw
+    moment, action = _read(FleetAction, agent, payload, encoding, run, now)
+    if moment != now:
+        return moment, action.battery_kw
     if not permitted.permits(action.battery_kw):
         raise Refused("out_of_range", now)
     return now, action.battery_kw
+
+
+def _read(
+    kind: type[Answer], agent: Agent, payload: bytes, encoding: str, run: str, now: Moment
+) -> tuple[Moment, Answer]:
+    """An action and what it is for; whatever does not say what is waited for is looked at closely."""
+    action = read(kind, payload, encoding)
+    if _awaited(action, agent, run, now):
+        return now, action
+    action = decode(kind, payload, encoding)
+    return _identify(agent, action, run), action
 
 
 def _awaited(action: GridAction | FleetAction, agent: Agent, run: str, now: Moment) -> bool:

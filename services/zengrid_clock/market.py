@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,10 +30,6 @@ VALUES_AHEAD = 100_000
 
 
 NO_TWIN = Twin(*np.zeros((4, 0, 0)))
-
-
-def _part(days: Exogenous, index: Any) -> Exogenous:
-    return Exogenous(*(column[index] for column in days))
 
 
 class LastSlot(NamedTuple):
@@ -103,7 +99,7 @@ class LiveMarket:
         """Profiles of the homes that are there now, and what the conventional rule commands them."""
         if not 0 <= self.day - self._ahead_from < len(self._ahead.pv_kw):
             self._look_ahead()
-        self._profile = _part(self._ahead, self.day - self._ahead_from)
+        self._profile = self._ahead.part(self.day - self._ahead_from)
         if self.homes != self.scenario.home_ids:
             pv_kw, load_kw = self._days.homes_day(self.specs, self.day)
             self._profile = self._profile._replace(pv_kw=pv_kw, load_kw=load_kw)
@@ -139,11 +135,11 @@ class LiveMarket:
     def _settle_twin(self, slot: int) -> None:
         """Settle the twin from this slot on: it depends on no answer, and many slots cost little more than one."""
         slots = min(self.slots_per_day - slot, max(TWIN_VALUES // max(len(self.homes), 1), 1))
-        days = _part(self._profile, np.newaxis)
+        days = self._profile.part(np.newaxis)
         if slot == 0 and self.homes == self.scenario.home_ids:
             first = self.day - self._ahead_from
-            days = _part(self._ahead, slice(first, first + max(TWIN_VALUES // days.pv_kw.size, 1)))
-        ahead = _part(days, (slice(None), slice(slot, slot + slots)))
+            days = self._ahead.part(slice(first, first + max(TWIN_VALUES // days.pv_kw.size, 1)))
+        ahead = days.part((slice(None), slice(slot, slot + slots)))
         command = conventional(ahead.pv_kw, ahead.load_kw, self.market.homes)
         soc = np.empty_like(command)
         start = np.broadcast_to(self.conventional_soc, command[:, 0].shape)

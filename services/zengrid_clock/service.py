@@ -91,8 +91,8 @@ class Clock:
         self.last_record: SlotRecord | None = None
         self._played: Played | None = None
         """The last slot, while it is not in the journal."""
-        self._public = True
-        """Whether the last slot of the journal was published."""
+        self._unpublished: SlotRecord | None = None
+        """The last slot of the journal, while the world has not been told of it."""
 
     # ---------------------------------------------------------------- lifecycle
 
@@ -248,8 +248,7 @@ class Clock:
         # From here on the slot is a fact: it is in the journal.
         committed = time.perf_counter()
         self.position += 1
-        self.last_record = record
-        self._public = False
+        self.last_record = self._unpublished = record
         self.totals.add(record, self.market.homes)
         self.notes.slot_settled()
         if self.slot == 0 and self.retention is not None:
@@ -258,11 +257,10 @@ class Clock:
         self.latencies.add(price_s, battery_s, settle_s + committed - began, committed)
 
     def _publish_last(self) -> None:
-        """Tell the world of the last slot."""
-        if not self._public:
-            assert self.last_record is not None
-            self.hub.publish_slot(encode_fields(public_slot(self, self.last_record)))
-            self._public = True
+        """Tell the world of the last slot, where that is still to be done."""
+        record, self._unpublished = self._unpublished, None
+        if record is not None:
+            self.hub.publish_slot(encode_fields(public_slot(self, record)))
 
     def _commit(self, record: SlotRecord, roster: RosterRecord | None, barrier: Barrier[Any] | None) -> None:
         """Put a slot into the journal; where that cannot take it, wait until it can, for too long, or asked to end."""

@@ -26,11 +26,16 @@ def dispatch(net_kw: Floats, market: Market) -> tuple[Floats, Floats, Floats]:
     facility_kw, curtailed_kw, unserved_kw:
         ``(..., facility)``, ``(...)``, ``(...)``. [kW]
     """
-    # A number needs no axis, and numpy takes it in half the time of an array of one.
-    left = (net_kw[..., None] if net_kw.ndim else net_kw) - market.stage_before_kw
+    left = spread(net_kw) - market.stage_before_kw
     raised = np.maximum(left, market.stage_min_kw)
     stage_kw = np.minimum(raised, market.stage_max_kw)
     return stage_kw[..., :-1], raised[..., 0] - left[..., 0], stage_kw[..., -1]
+
+
+def spread(value: Floats) -> Floats:
+    """What holds for a whole market, ``(...)``, ready to meet its homes or facilities, ``(..., home)``."""
+    # A number needs no axis, and numpy takes it in half the time of an array of one.
+    return value[..., None] if value.ndim else value
 
 
 def facility_cost(facility_kw: Floats, market: Market) -> Floats:

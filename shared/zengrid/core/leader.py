@@ -147,7 +147,7 @@ def leader_reference(
     slots, tried = len(day.sell_price), 0
     several = day.sell_price.ndim > 1
     # Leading axes: candidate, and day where there are several.
-    wide = Exogenous(*(field[:, None] for field in day))
+    wide = day.part((slice(None), None))
 
     def profits(candidates: Floats) -> Floats:
         nonlocal tried

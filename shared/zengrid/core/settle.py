@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zengrid.core.dispatch import dispatch, facility_cost
+from zengrid.core.dispatch import dispatch, facility_cost, spread
 from zengrid.core.home import battery_follow, battery_range, meter
 from zengrid.core.params import Market
 from zengrid.core.state import Action, Exogenous, Settlement
@@ -79,8 +79,8 @@ def conclude(prepared: Prepared, action: Action, market: Market) -> Settlement:
     facility_kw, curtailed_kw, unserved_kw = dispatch(demand_kw - supply_kw, market)
 
     cost = facility_cost(facility_kw, market)
-    payment = export_kw * per_home(bought)
-    bill = import_kw * per_home(sold) - payment
+    payment = export_kw * spread(bought)
+    bill = import_kw * spread(sold) - payment
     revenue = demand_kw * sold
     payments = supply_kw * bought
     lost_load_cost = unserved_kw * (market.value_of_lost_load * dt_h)
@@ -113,12 +113,6 @@ def _number(value: Floats) -> Floats:
     """An array without axes as a number, which is faster."""
     number: Floats = np.asarray(value)[()]
     return number
-
-
-def per_home(value: Floats) -> Floats:
-    """What holds for each home of a market, ready to be multiplied with ``(..., home)``."""
-    # A number needs no axis, and numpy takes it in half the time of an array of one.
-    return value[..., None] if value.ndim else value
 
 
 def total(values: Floats) -> Floats:

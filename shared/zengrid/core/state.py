@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,10 @@ class Exogenous(NamedTuple):
 
     def slot(self, index: int) -> Exogenous:
         """One slot of a day: takes position ``index`` of the first axis."""
+        return self.part(index)
+
+    def part(self, index: Any) -> Exogenous:
+        """The same part of every column (numpy indexing rules); the first axes must be alike in all of them."""
         return Exogenous(self.pv_kw[index], self.load_kw[index], self.consumer_kw[index], self.sell_price[index])
 
 

@@ -171,4 +171,4 @@ def slots_first(days: Exogenous) -> Exogenous:
 
 def pick(profile: Exogenous, index: NDArray[np.intp] | int) -> Exogenous:
     """Some days of many, ``(slot, day, ...)`` -> ``(slot, *index.shape, ...)``."""
-    return Exogenous(*(column[:, index] for column in profile))
+    return profile.part((slice(None), index))

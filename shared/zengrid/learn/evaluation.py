@@ -241,7 +241,7 @@ class Evaluator:
         for day in range(self.in_a_row):
             part = slice(day * self.slots, (day + 1) * self.slots)
             soc = self.market.homes.soc_initial if day == 0 else None
-            vector.begin(Exogenous(*(column[part] for column in self.profile)), soc, self.numbers[:, day])
+            vector.begin(self.profile.part(part), soc, self.numbers[:, day])
             while not vector.over:
                 price: Floats | float = self.scenario.conventional_buy_price
                 if grid is not None:

@@ -105,7 +105,7 @@ class Days:
         """One day: arrays ``(slot, home)``, ``(slot, consumer)`` and ``(slot,)``, not to be written to."""
         if number not in self._kept:
             made = self.days([number])
-            day = Exogenous(*(array[0] for array in made))
+            day = made.part(0)
             for array in day:
                 array.flags.writeable = False
             self._kept[number] = day

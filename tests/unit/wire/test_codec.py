@@ -49,9 +49,8 @@ def test_every_bit_survives(message: FleetObservation, encoding: str) -> None:
 def test_reading_gives_what_decoding_gives(message: FleetObservation, encoding: str) -> None:
     payload = encode(message, encoding)
     quick, checked = read(FleetObservation, payload, encoding), decode(FleetObservation, payload, encoding)
-    assert encode_fields(
-        {name: getattr(quick, name) for name in FleetObservation.model_fields if name != "settled"}
-    ) == (encode_fields({name: getattr(checked, name) for name in FleetObservation.model_fields if name != "settled"}))
+    for name in set(FleetObservation.model_fields) - {"settled"}:
+        assert encode_fields({name: getattr(quick, name)}) == encode_fields({name: getattr(checked, name)})
     assert (quick.settled is None) == (checked.settled is None)
     if quick.settled is not None and checked.settled is not None:
         for name in FleetSettled.model_fields:

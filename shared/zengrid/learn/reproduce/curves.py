@@ -101,7 +101,7 @@ def one_day(study: Study) -> Day:
     profits = np.array([done.evaluation["agents"]["profit"] for done in everything])
     place = int(np.argsort(profits)[(len(profits) - 1) // 2])
     return Day(
-        Exogenous(*(column[:, 0] for column in evaluator.profile)),
+        evaluator.profile.part((slice(None), 0)),
         np.arange(scenario.slots_per_day + 1.0) * scenario.dt_h, np.array(prices), np.array(socs),
         np.concatenate([start, evaluator.conventional_played.settled.soc[:, 0]]), everything[place].market.seed, place,
     )  # fmt: skip
