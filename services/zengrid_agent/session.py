@@ -6,6 +6,7 @@ import gc
 import math
 import secrets
 import signal
+import threading
 import time
 from abc import ABC, abstractmethod
 from types import FrameType
@@ -23,6 +24,10 @@ Seen = TypeVar("Seen", GridObservation, FleetObservation)
 
 LULL_S = 0.01
 """After so long without an observation more than one can have come: this process, or its policy, stood still."""
+PROMPT_HOMES = 100
+"""Up to so many homes are answered on Zenoh's own thread: no wait there is noticed, and an action fits in one batch."""
+LOOK_UP_S = 1.0
+"""Longest that the main thread waits without a look at signals that came to another thread."""
 
 
 class Stop(Exception):  # noqa: N818 - asked for, not an error
@@ -50,9 +55,12 @@ class AgentSession(ABC, Generic[Seen]):
         self._learning = learning
         self._clock_seen = False
         self._busy = self._stopping = False
+        self._prompt: bool | None = None
+        """Whether observations are answered on Zenoh's own thread; known from the first time in the market on."""
         self._arrived = -math.inf
         """When the last observation came (monotonic clock)."""
-        self._refused: ZengridError | None = None
+        self._over = threading.Event()
+        self._failed: Exception | None = None
         self._last: JoinReply | Seen | None = None
         """What last told day and slot."""
 
@@ -83,17 +91,22 @@ class AgentSession(ABC, Generic[Seen]):
             self.link.serve_policy(self.answer)
             self.link.watch_clock(self._clock_changed)
             settle_down()
-            while self._answer_next():
-                pass
+            if self._prompt:
+                while not self._over.wait(LOOK_UP_S):
+                    pass
+            else:
+                while self._answer_next():
+                    pass
         except Stop:
+            self._over.set()
             if self.wish.homes:
                 # Homes that came with this process leave with it.
                 self.link.leave(self.wish.instance)
         finally:
             if self._learning is not None:
                 self._learning.save()
-        if self._refused is not None:
-            raise self._refused
+        if self._failed is not None:
+            raise self._failed
 
     def join(self) -> None:
         """Take part in the market, or go on doing so under a new clock."""
@@ -108,7 +121,9 @@ class AgentSession(ABC, Generic[Seen]):
             if self.wish.homes:
                 self.link.leave(self.wish.instance)  # what it has brought would stay without it
             raise
-        self.link.ready()
+        if self._prompt is None:
+            self._prompt = self._learning is None and len(market.homes) <= PROMPT_HOMES
+        self.link.ready(self._answer_at_once if self._prompt else None)
         since = f"day {market.day}, slot {market.slot}"
         self.say(f"{self.wish.agent} takes part in {market.run} ({market.scenario}) from {since} on")
 
@@ -117,26 +132,43 @@ class AgentSession(ABC, Generic[Seen]):
         at = {} if self._last is None else {"day": self._last.day, "slot": self._last.slot}
         logs.say(text, level, agent=self.wish.agent, **at)
 
+    def _answer_at_once(self, arrival: Arrival) -> None:
+        """Answer an observation on Zenoh's own thread, while the main thread waits for the end."""
+        if self._over.is_set():
+            return
+        try:
+            goes_on = self._answer(arrival)
+        except Exception as error:  # noqa: BLE001 - the main thread raises it
+            self._end(error)
+        else:
+            if not goes_on:
+                self._end()
+
+    def _end(self, error: Exception | None = None) -> None:
+        """Let the main thread go."""
+        if not self._over.is_set():
+            self._failed = error
+            self._over.set()
+
     def _answer_next(self) -> bool:
         """Wait for an observation and answer it; False when the market is over."""
         arrival = self.link.receive()
         # From here on a signal waits: what is raised within a library's call back can be taken for its own error.
         self._busy = True
-        goes_on = self._answer(arrival)
-        self._busy = False
-        if self._stopping:
-            raise Stop
-        return goes_on
-
-    def _answer(self, arrival: Arrival | None) -> bool:
         now = time.monotonic()
         if now - self._arrived > LULL_S:
             # Only the newest is still awaited.
             while arrival is not None and (newer := self.link.pending()) is not None:
                 arrival = newer
         self._arrived = now
-        if arrival is None:
-            return False
+        goes_on = arrival is not None and self._answer(arrival)
+        self._busy = False
+        if self._stopping:
+            raise Stop
+        return goes_on
+
+    def _answer(self, arrival: Arrival) -> bool:
+        """Act on an observation; False where it says that the market is over."""
         self._last = seen = read(self.observation, arrival.payload, arrival.encoding)
         if seen.phase == "end":
             return False
@@ -175,7 +207,7 @@ class AgentSession(ABC, Generic[Seen]):
             try:
                 self.join()
             except ZengridError as error:
-                self._refused = error
+                self._end(error)
                 self.link.close()
         self._clock_seen = True
 

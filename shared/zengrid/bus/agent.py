@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import threading
 import time
 from collections.abc import Callable
@@ -37,6 +38,9 @@ BACKLOG = 64
 """Observations kept for an agent that is slower than the market; the oldest wait, Zenoh holds back the rest."""
 
 
+PROMPT_BYTES = 32 * 2**10
+"""Most that may be sent from Zenoh's own thread: what needs more than a batch would wait there for that thread."""
+
 _ENCODINGS = {name: zenoh.Encoding(name) for name in (JSON, BINARY)}
 
 
@@ -71,21 +75,6 @@ class AgentLink:
         )
         self._closed = threading.Event()
         self._token: zenoh.LivelinessToken | None = None
-        try:
-            self._declare()
-        except BaseException:
-            self._session.close()
-            raise
-
-    def _declare(self) -> None:
-        # The subscriber stands before the token says that this agent is ready: no first observation is lost. A
-        # channel, not a callback: an answer that waits for a dying link would hold up Zenoh's own threads.
-        self._observations = self._session.declare_subscriber(
-            self.keys.observation(self.agent), handlers.FifoChannel(BACKLOG)
-        )
-        self._action = self._session.declare_publisher(
-            self.keys.action(self.agent), congestion_control=zenoh.CongestionControl.BLOCK, express=True
-        )
 
     def __enter__(self) -> Self:
         return self
@@ -117,10 +106,7 @@ class AgentLink:
                 if time.monotonic() > until:
                     raise
                 self._closed.wait(RETRY_S)
-        if market.agent != self.agent:
-            # No observation is sent before the token is there: nothing can be missed.
-            self.agent = market.agent
-            self._declare()
+        self.agent = market.agent
         return market
 
     def _await_clock(self) -> None:
@@ -138,10 +124,41 @@ class AgentLink:
             raise BusError(f"run = {self.keys.run}: its clock is not ready after {self.timeout_s:g} s")
         watching.undeclare()
 
-    def ready(self) -> None:
-        """Show that this agent answers from now on: the last thing to do before observations come."""
-        if self._token is None:
-            self._token = self._session.liveliness().declare_token(self.keys.alive(self.agent))
+    def ready(self, answer: Callable[[Arrival], None] | None = None) -> None:
+        """Show that this agent answers from now on: the last thing to do before observations come.
+
+        Parameters
+        ----------
+        answer:
+            Called for every observation, on Zenoh's own thread: an observation comes and its action leaves without two
+            changes of thread. It must be done within a moment and raise nothing; all that it may call of this link is
+            ``act``, with at most ``PROMPT_BYTES``. Without it ``receive`` waits for observations.
+        """
+        if self._token is not None:
+            return
+        self._action = self._session.declare_publisher(
+            self.keys.action(self.agent), congestion_control=zenoh.CongestionControl.BLOCK, express=True
+        )
+        # The subscriber stands before the token says that this agent is ready: no first observation is lost.
+        key = self.keys.observation(self.agent)
+        if answer is None:
+            self._observations = self._session.declare_subscriber(key, handlers.FifoChannel(BACKLOG))
+        else:
+            self._answered = self._session.declare_subscriber(key, self._prompt(answer))
+        self._token = self._session.liveliness().declare_token(self.keys.alive(self.agent))
+
+    def _prompt(self, answer: Callable[[Arrival], None]) -> handlers.Callback[zenoh.Sample]:
+        at_home: set[int] = set()
+
+        def arrived(sample: zenoh.Sample) -> None:
+            thread = threading.get_ident()
+            if thread not in at_home:
+                # Zenoh's thread is given a Python state for every call, and loses it again, unless it holds one.
+                ctypes.pythonapi.PyGILState_Ensure()
+                at_home.add(thread)
+            answer(Arrival(sample.payload.to_bytes(), self._encoding))
+
+        return handlers.Callback(arrived, indirect=False)
 
     def scenario(self, timeout_s: float = 10.0) -> str:
         """The scenario that the market plays, as YAML."""
