@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import json
+import threading
 
 import numpy as np
 import pytest
 
+from zengrid.bus.agent import AgentLink, Arrival
 from zengrid.errors import RefusedError
 from zengrid.journal import Journal
 from zengrid.journal.audit import audit
 from zengrid.testing import Market
+from zengrid.wire.codec import JSON, decode, encode
+from zengrid.wire.requests import JoinRequest
+from zengrid.wire.slots import FleetAction, FleetObservation
 
 PAPER = ("p1", "p2", "p3")
 
@@ -74,6 +79,40 @@ def test_any_zenoh_tool_can_read_the_price() -> None:
         slot = json.loads(reply.ok.payload.to_string())
         assert slot["buy_price"] == 0.05
         assert slot["sell_price"] in (0.05, 0.095)
+
+
+def test_an_agent_can_answer_on_zenohs_own_thread() -> None:
+    with Market("paper", ("--days", "1", "--deadline", "20")) as market:
+        market.start_grid()
+        for agent in ("p2", "p3"):
+            market.start_prosumer(agent)
+        over = threading.Event()
+        # What Python keeps for a thread is lost where its state is made anew for every call.
+        kept = threading.local()
+        threads = set()
+        with AgentLink("p1", market.run, market.endpoint) as link:
+
+            def answer(arrival: Arrival) -> None:
+                seen = decode(FleetObservation, arrival.payload, arrival.encoding)
+                if seen.phase == "end":
+                    over.set()
+                    return
+                kept.answers = getattr(kept, "answers", 0) + 1
+                threads.add((threading.get_ident(), kept.answers == seen.slot + 1))
+                link.act(
+                    encode(FleetAction(run=seen.run, day=seen.day, slot=seen.slot, instance=me, battery_kw=[0.5])), JSON
+                )
+
+            me = "0123456789abcdef"
+            link.join(JoinRequest(agent="p1", role="prosumer", instance=me))
+            link.ready(answer)
+            assert over.wait(60)
+        assert market.processes["clock"].end() == 0
+        ((thread, counted),) = threads
+        assert thread != threading.get_ident()
+        assert counted
+        records = Journal.open(market.journal, read_only=True).run().records()
+        assert [float(record.battery_kw[0]) for record in records] == [0.5] * 24
 
 
 def test_history_is_what_the_journal_holds() -> None:
