@@ -38,9 +38,6 @@ BACKLOG = 64
 """Observations kept for an agent that is slower than the market; the oldest wait, Zenoh holds back the rest."""
 
 
-PROMPT_BYTES = 32 * 2**10
-"""Most that may be sent from Zenoh's own thread: what needs more than a batch would wait there for that thread."""
-
 _ENCODINGS = {name: zenoh.Encoding(name) for name in (JSON, BINARY)}
 
 
@@ -131,8 +128,9 @@ class AgentLink:
         ----------
         answer:
             Called for every observation, on Zenoh's own thread: an observation comes and its action leaves without two
-            changes of thread. It must be done within a moment and raise nothing; all that it may call of this link is
-            ``act``, with at most ``PROMPT_BYTES``. Without it ``receive`` waits for observations.
+            changes of thread. It must be done within a moment and raise nothing. All that it may call of this link is
+            ``act``, with less than a batch (64 KiB): more would wait there for that very thread. Without ``answer``,
+            ``receive`` waits for observations.
         """
         if self._token is not None:
             return
