@@ -137,12 +137,10 @@ class AgentSession(ABC, Generic[Seen]):
         if self._over.is_set():
             return
         try:
-            goes_on = self._answer(arrival)
+            if not self._answer(arrival):
+                self._end()
         except Exception as error:  # noqa: BLE001 - the main thread raises it
             self._end(error)
-        else:
-            if not goes_on:
-                self._end()
 
     def _end(self, error: Exception | None = None) -> None:
         """Let the main thread go."""

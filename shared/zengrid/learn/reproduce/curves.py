@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from zengrid.core.state import Exogenous
 from zengrid.env.facts import market_facts
+from zengrid.env.vector import pick
 from zengrid.learn.evaluation import Evaluator
 from zengrid.learn.reproduce.study import Study
 from zengrid.learn.run import CHOICE_DAYS, PROGRESS
@@ -101,7 +102,7 @@ def one_day(study: Study) -> Day:
     profits = np.array([done.evaluation["agents"]["profit"] for done in everything])
     place = int(np.argsort(profits)[(len(profits) - 1) // 2])
     return Day(
-        evaluator.profile.part((slice(None), 0)),
+        pick(evaluator.profile, 0),
         np.arange(scenario.slots_per_day + 1.0) * scenario.dt_h, np.array(prices), np.array(socs),
         np.concatenate([start, evaluator.conventional_played.settled.soc[:, 0]]), everything[place].market.seed, place,
     )  # fmt: skip
