@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
-from zengrid.bus.hub import Event
+from zengrid.bus.hub import Event, Query
 from zengrid.errors import WireError, ZengridError
 from zengrid.wire.codec import decode, encode
 from zengrid.wire.requests import (
@@ -33,10 +34,26 @@ if TYPE_CHECKING:
     from zengrid_clock.service import Clock
 
 
+STEERED_S = 3.0
+"""Longest wait of an operator for the slot to end after which a command takes effect: clients wait for 5 s."""
+CHANGES_LIMIT = 4096
+"""Most changes that wait for a slot to end."""
+
+
 class _No(Exception):  # noqa: N818 - an answer, not a fault of the program
     def __init__(self, reason: RefusalReason, message: str) -> None:
         super().__init__(message)
         self.reason: RefusalReason = reason
+
+
+class _Steered(NamedTuple):
+    """An operator who waits until what was asked for takes effect."""
+
+    query: Query
+    homes: bool
+    """Whether the answer lists the homes."""
+    until: float
+    """When to answer at the latest (monotonic)."""
 
 
 class Desk:
@@ -47,12 +64,15 @@ class Desk:
         self.roster_version = 0
         self._roster_changed = True
         self._changes: list[Callable[[], None]] = []
+        self._steered: list[_Steered] = []
 
     def answer(self, event: Event) -> None:
         """Answer one question, whatever is wrong with it."""
         assert event.query is not None
         try:
-            event.query.reply(self._answer(event))
+            answer = self._answer(event, event.query)
+            if answer is not None:
+                event.query.reply(answer)
         except _No as refusal:
             self._refuse(event, refusal.reason, str(refusal))
         except ZengridError as error:
@@ -64,7 +84,8 @@ class Desk:
         self.clock.notes.note("info", f"{event.kind} refused", agent=event.agent, reason=reason, why=message)
         event.query.refuse(reason, message)
 
-    def _answer(self, event: Event) -> bytes:
+    def _answer(self, event: Event, query: Query) -> bytes | None:
+        """The answer, or None where it has to wait."""
         if event.kind == "join":
             joining = decode(JoinRequest, event.payload)
             _check_asker(event, joining.agent)
@@ -73,7 +94,7 @@ class Desk:
             leaving = decode(LeaveRequest, event.payload)
             _check_asker(event, leaving.agent)
             return encode(self._leave(leaving))
-        return self._control(decode(ControlRequest, event.payload))
+        return self._control(decode(ControlRequest, event.payload), query)
 
     # ---------------------------------------------------------------- joining and leaving
 
@@ -186,22 +207,25 @@ class Desk:
         later = clock.slot + 1
         return (clock.day, later) if later < clock.scenario.slots_per_day else (clock.day + 1, 0)
 
-    def _when_between_slots(self, change: Callable[[], None]) -> None:
+    def _when_between_slots(self, change: Callable[[], None]) -> bool:
+        """Change the market now, or as soon as its slot is a fact; returns whether it is done."""
         if self.clock.in_slot or self.clock.committing:
             self._changes.append(change)
-        else:
-            change()
+            return False
+        change()
+        return True
 
     @property
     def waiting(self) -> bool:
-        """Whether somebody asked during the slot to be let in or out."""
+        """Whether something was asked for during the slot that takes effect after it."""
         return bool(self._changes)
 
     def apply_changes(self) -> None:
-        """Let those in and out who asked during the slot."""
+        """Let those in and out who asked during the slot, and do what operators want."""
         changes, self._changes = self._changes, []
         for change in changes:
             change()
+        self._answer_steered(math.inf)
 
     def changed_roster(self) -> RosterRecord | None:
         """The roster, where it has changed since it was last journalled."""
@@ -213,7 +237,20 @@ class Desk:
 
     # ---------------------------------------------------------------- operators
 
-    def _control(self, wish: ControlRequest) -> bytes:
+    def _control(self, wish: ControlRequest, query: Query) -> bytes | None:
+        if wish.command == "speed" and wish.speed is None:
+            raise WireError("speed: needs a number: times faster than real time, 0 for as fast as answers come")
+        if wish.command == "stop":
+            self.clock.pace.end()
+        elif wish.command != "status" and len(self._changes) >= CHANGES_LIMIT:
+            raise _No("unavailable", f"command = {wish.command}: {CHANGES_LIMIT} changes wait for the slot to end")
+        elif wish.command != "status" and not self._when_between_slots(lambda: self._steer(wish)):
+            # Who is told of a pause finds the market standing still, with its last slot in the journal.
+            self._steered.append(_Steered(query, wish.homes, time.monotonic() + STEERED_S))
+            return None
+        return encode(status(self.clock, homes=wish.homes))
+
+    def _steer(self, wish: ControlRequest) -> None:
         pace, now = self.clock.pace, time.monotonic()
         if wish.command == "pause":
             pace.pause()
@@ -221,13 +258,19 @@ class Desk:
             pace.start(now)
         elif wish.command == "step":
             pace.step(wish.slots, now)
-        elif wish.command == "speed":
-            if wish.speed is None:
-                raise WireError("speed: needs a number: times faster than real time, 0 for as fast as answers come")
+        elif wish.speed is not None:
             pace.set_speed(wish.speed, now)
-        elif wish.command == "stop":
-            pace.end()
-        return encode(status(self.clock, homes=wish.homes))
+
+    def answer_overdue(self) -> None:
+        """Answer operators whose wish takes long to take effect, such as in a slot with an agent that hangs."""
+        if self._steered:
+            self._answer_steered(time.monotonic())
+
+    def _answer_steered(self, now: float) -> None:
+        due = [each for each in self._steered if each.until <= now]
+        self._steered = [each for each in self._steered if each.until > now]
+        for each in due:
+            each.query.reply(encode(status(self.clock, homes=each.homes)))
 
     def told_scenario(self, payload: bytes) -> bytes:
         """What is played; runs beside the market, like ``history``."""

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 OFFER_INTERVAL_S = 0.1
 """How often an absent agent is sent an observation, so that a stuck one does not fill its link."""
 IDLE_S = 0.5
-"""Longest wait for an event, so that signals are noticed; and how often a journal that is away is asked again."""
+"""Longest wait for an event, so that signals and late answers are noticed; and how often an absent journal is asked."""
 TOTALS_SLOTS = 1000
 """How often what all slots add up to is journalled: a clock that resumes reads at most so many."""
 EVENTS_PER_LOOK = 1000
@@ -321,7 +321,7 @@ class Clock:
             left = deadline - time.monotonic()
             if left <= 0:
                 return
-            self._take(left, barrier)
+            self._take(min(left, IDLE_S), barrier)
 
     def _count_answer(self, barrier: Barrier[Any], agent: Agent) -> None:
         """Write down how an agent fared in this phase."""
@@ -338,6 +338,7 @@ class Clock:
 
     def _take(self, timeout_s: float, barrier: Barrier[Any] | None) -> bool:
         """Handle one event, if one comes within the time."""
+        self.desk.answer_overdue()
         event = self.hub.receive(timeout_s)
         if event is None:
             return False

@@ -27,13 +27,15 @@ def afternoon(page: Page, gateway: Gateway) -> Iterator[None]:
     """Let the market stand still at 17:00, when the grid pays most; the page shows it."""
     gateway.market.wait_for_slot(72)
     gateway.post("/v1/control", {"command": "pause"})
-    still = gateway.market.client.control("status").slot
-    gateway.post("/v1/control", {"command": "step", "slots": (18 - still) % 24 or 24})
-    expect(page.locator("#time")).to_have_text("17:00")
-    expect(page.locator("#state")).to_have_text("paused")
-    page.wait_for_timeout(1500)  # until the charts have caught up
-    yield
-    gateway.post("/v1/control", {"command": "resume"})
+    try:
+        still = gateway.market.wait_for_status(lambda status: status.state == "paused", missing="the pause").slot
+        gateway.post("/v1/control", {"command": "step", "slots": (18 - still) % 24 or 24})
+        expect(page.locator("#time")).to_have_text("17:00")
+        expect(page.locator("#state")).to_have_text("paused")
+        page.wait_for_timeout(1500)  # until the charts have caught up
+        yield
+    finally:
+        gateway.post("/v1/control", {"command": "resume"})
 
 
 def test_the_first_glance(page: Page, gateway: Gateway, screenshots: Path) -> None:

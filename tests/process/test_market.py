@@ -70,6 +70,42 @@ def test_pause_step_speed_and_stop() -> None:
             market.client.control("status")
 
 
+def test_who_is_told_of_a_pause_finds_the_market_standing_still() -> None:
+    with Market() as market:
+        market.start_agents(*PAPER)
+        for _ in range(20):
+            market.wait_for_slots(3)
+            told = market.client.control("pause")
+            assert (told.state, told.last and told.last.position) == ("paused", told.totals.slots - 1)
+            with Journal.open(market.journal, read_only=True) as journal:
+                assert journal.run().count() == told.totals.slots
+            again = market.client.control("status")
+            assert (again.day, again.slot, again.totals) == (told.day, told.slot, told.totals)
+            market.client.control("resume")
+
+
+def test_a_command_waits_for_the_slot_to_end_but_its_answer_not_for_ever() -> None:
+    with Market("paper", ("--paused", "--deadline", "30")) as market:
+        market.start_grid()
+        for agent in ("p2", "p3"):
+            market.start_prosumer(agent)
+        with AgentLink("p1", market.run, market.endpoint) as link:
+            instance = "fedcba9876543210"
+            link.join(JoinRequest(agent="p1", role="prosumer", instance=instance))
+            link.ready()
+            market.wait_for_status(lambda status: status.state == "paused", missing="the market ready")
+            market.client.control("step")
+            for slot in range(4):
+                assert link.receive() is not None
+                if slot == 0:
+                    # The market waits for p1: the operator is answered, and the three slots count after this one.
+                    assert market.client.control("step", slots=3).state == "running"
+                action = FleetAction(run=market.run, day=0, slot=slot, instance=instance, battery_kw=[0.0])
+                link.act(encode(action), JSON)
+            status = market.wait_for_status(lambda status: status.state == "paused", missing="the pause")
+            assert status.totals.slots == 4
+
+
 def test_any_zenoh_tool_can_read_the_price() -> None:
     with Market("paper", ("--days", "1", "--speed", "36000x")) as market:
         market.start_agents(*PAPER)
