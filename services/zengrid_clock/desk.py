@@ -242,12 +242,13 @@ class Desk:
             raise WireError("speed: needs a number: times faster than real time, 0 for as fast as answers come")
         if wish.command == "stop":
             self.clock.pace.end()
-        elif wish.command != "status" and len(self._changes) >= CHANGES_LIMIT:
-            raise _No("unavailable", f"command = {wish.command}: {CHANGES_LIMIT} changes wait for the slot to end")
-        elif wish.command != "status" and not self._when_between_slots(lambda: self._steer(wish)):
-            # Who is told of a pause finds the market standing still, with its last slot in the journal.
-            self._steered.append(_Steered(query, wish.homes, time.monotonic() + STEERED_S))
-            return None
+        elif wish.command != "status":
+            if len(self._changes) >= CHANGES_LIMIT:
+                raise _No("unavailable", f"command = {wish.command}: {CHANGES_LIMIT} changes wait for the slot to end")
+            if not self._when_between_slots(lambda: self._steer(wish)):
+                # Who is told of a pause finds the market standing still, with its last slot in the journal.
+                self._steered.append(_Steered(query, wish.homes, time.monotonic() + STEERED_S))
+                return None
         return encode(status(self.clock, homes=wish.homes))
 
     def _steer(self, wish: ControlRequest) -> None:
@@ -269,8 +270,9 @@ class Desk:
     def _answer_steered(self, now: float) -> None:
         due = [each for each in self._steered if each.until <= now]
         self._steered = [each for each in self._steered if each.until > now]
+        answers = {homes: encode(status(self.clock, homes=homes)) for homes in {each.homes for each in due}}
         for each in due:
-            each.query.reply(encode(status(self.clock, homes=each.homes)))
+            each.query.reply(answers[each.homes])
 
     def told_scenario(self, payload: bytes) -> bytes:
         """What is played; runs beside the market, like ``history``."""

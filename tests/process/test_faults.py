@@ -13,14 +13,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from zengrid.bus.agent import AgentLink
+from support.hands import playing_p1
 from zengrid.bus.session import open_client
 from zengrid.journal import Journal, RunView
 from zengrid.journal.audit import audit
 from zengrid.testing import Market
 from zengrid.wire.codec import JSON, encode, encode_fields
-from zengrid.wire.requests import JoinRequest, Status
-from zengrid.wire.slots import FleetAction, GridAction, PublicSlot
+from zengrid.wire.requests import Status
+from zengrid.wire.slots import GridAction, PublicSlot
 
 PAPER = ("p1", "p2", "p3")
 DEADLINE_S = 0.5
@@ -221,37 +221,25 @@ def test_messages_that_do_not_count_are_refused_by_cause_and_change_nothing(mark
 
 def test_late_future_duplicate_and_impossible_actions_are_refused() -> None:
     with Market("paper", ("--paused", "--deadline", "20")) as market:
-        market.start_grid()
-        for agent in ("p2", "p3"):
-            market.start_prosumer(agent)
-        with AgentLink("p1", market.run, market.endpoint) as link:
-            instance = "fedcba9876543210"
-            link.join(JoinRequest(agent="p1", role="prosumer", instance=instance))
-            link.ready()
-            market.wait_for_status(lambda s: s.state == "paused", missing="the market ready")
-
-            def say(slot: int, kw: float | list[float]) -> None:
-                battery_kw = np.atleast_1d(np.array(kw, dtype=float))
-                action = FleetAction(run=market.run, day=0, slot=slot, instance=instance, battery_kw=battery_kw)
-                link.act(encode(action), JSON)
+        with playing_p1(market) as hand:
 
             def refused(cause: str) -> None:
                 market.wait_for_status(lambda s: s.refused.get(cause, 0) > 0, missing=f"a refusal as {cause}")
 
             market.client.control("step", slots=2)
-            assert link.receive() is not None
-            say(1, 0.0)
+            hand.see()
+            hand.say(1, 0.0)
             refused("future")
-            say(0, 2.5)
+            hand.say(0, 2.5)
             refused("out_of_range")
-            say(0, [0.0, 0.0])
+            hand.say(0, [0.0, 0.0])
             market.wait_for_status(lambda s: s.refused.get("out_of_range", 0) == 2, missing="a refusal of two commands")
-            say(0, 1.5)
-            assert link.receive() is not None
-            say(0, -2.0)
+            hand.say(0, 1.5)
+            hand.see()
+            hand.say(0, -2.0)
             refused("late")
-            say(1, 0.5)
-            say(1, -1.0)
+            hand.say(1, 0.5)
+            hand.say(1, -1.0)
             market.wait_for_slot(1)
         run = settled(market)
         assert [float(record.battery_kw[0]) for record in run.records()] == [1.5, 0.5]

@@ -8,6 +8,7 @@ import threading
 import numpy as np
 import pytest
 
+from support.hands import playing_p1
 from zengrid.bus.agent import AgentLink, Arrival
 from zengrid.errors import RefusedError
 from zengrid.journal import Journal
@@ -85,25 +86,16 @@ def test_who_is_told_of_a_pause_finds_the_market_standing_still() -> None:
 
 
 def test_a_command_waits_for_the_slot_to_end_but_its_answer_not_for_ever() -> None:
-    with Market("paper", ("--paused", "--deadline", "30")) as market:
-        market.start_grid()
-        for agent in ("p2", "p3"):
-            market.start_prosumer(agent)
-        with AgentLink("p1", market.run, market.endpoint) as link:
-            instance = "fedcba9876543210"
-            link.join(JoinRequest(agent="p1", role="prosumer", instance=instance))
-            link.ready()
-            market.wait_for_status(lambda status: status.state == "paused", missing="the market ready")
-            market.client.control("step")
-            for slot in range(4):
-                assert link.receive() is not None
-                if slot == 0:
-                    # The market waits for p1: the operator is answered, and the three slots count after this one.
-                    assert market.client.control("step", slots=3).state == "running"
-                action = FleetAction(run=market.run, day=0, slot=slot, instance=instance, battery_kw=[0.0])
-                link.act(encode(action), JSON)
-            status = market.wait_for_status(lambda status: status.state == "paused", missing="the pause")
-            assert status.totals.slots == 4
+    with Market("paper", ("--paused", "--deadline", "30")) as market, playing_p1(market) as hand:
+        market.client.control("step")
+        for slot in range(4):
+            hand.see()
+            if slot == 0:
+                # The market waits for p1: the operator is answered, and the three slots count after this one.
+                assert market.client.control("step", slots=3).state == "running"
+            hand.say(slot, 0.0)
+        status = market.wait_for_status(lambda status: status.state == "paused", missing="the pause")
+        assert status.totals.slots == 4
 
 
 def test_any_zenoh_tool_can_read_the_price() -> None:
@@ -119,9 +111,7 @@ def test_any_zenoh_tool_can_read_the_price() -> None:
 
 def test_an_agent_can_answer_on_zenohs_own_thread() -> None:
     with Market("paper", ("--days", "1", "--deadline", "20")) as market:
-        market.start_grid()
-        for agent in ("p2", "p3"):
-            market.start_prosumer(agent)
+        market.start_agents("p2", "p3")
         over = threading.Event()
         # What Python keeps for a thread is lost where its state is made anew for every call.
         kept = threading.local()
