@@ -5,12 +5,13 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+import traceback
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from zengrid import logs
-from zengrid.errors import ZengridError
+from zengrid.errors import EXIT_INTERNAL, ZengridError
 
 if TYPE_CHECKING:
     from zengrid_clock.service import Clock
@@ -184,6 +185,9 @@ def main(arguments: list[str] | None = None) -> int:
     except ZengridError as error:
         logs.fail(error)
         return 1
+    except Exception as error:  # noqa: BLE001 - tells a fault of the program from one that the user can mend
+        logs.fail("".join(traceback.format_exception(error)))
+        return EXIT_INTERNAL
     return 0
 
 

@@ -8,7 +8,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 from zengrid.bus.hub import Event, Query
-from zengrid.errors import WireError, ZengridError
+from zengrid.errors import JournalError, WireError, ZengridError
+from zengrid.rate_limit import RateLimit
 from zengrid.wire.codec import decode, encode
 from zengrid.wire.requests import (
     ControlRequest,
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
 
 STEERED_S = 3.0
 """Longest wait of an operator for the slot to end after which a command takes effect: clients wait for 5 s."""
+JOINS_PER_S, JOINS_BURST_S = 1.0, 10.0
+"""How often one agent may join or leave in the long run, and how many seconds' worth at once. [1/s], [s]"""
 CHANGES_LIMIT = 4096
 """Most changes that wait for a slot to end."""
 
@@ -65,6 +68,7 @@ class Desk:
         self._roster_changed = True
         self._changes: list[Callable[[], None]] = []
         self._steered: list[_Steered] = []
+        self._joins = RateLimit(JOINS_PER_S, JOINS_BURST_S)
 
     def answer(self, event: Event) -> None:
         """Answer one question, whatever is wrong with it."""
@@ -75,8 +79,14 @@ class Desk:
                 event.query.reply(answer)
         except _No as refusal:
             self._refuse(event, refusal.reason, str(refusal))
+        except JournalError:
+            raise
         except ZengridError as error:
             self._refuse(event, "invalid", str(error))
+
+    def fail(self, event: Event, error: Exception) -> None:
+        """Tell whoever asked that the clock has failed to answer."""
+        self._refuse(event, "unavailable", f"the clock could not answer: {type(error).__name__}")
 
     def _refuse(self, event: Event, reason: RefusalReason, message: str) -> None:
         assert event.query is not None
@@ -86,6 +96,11 @@ class Desk:
 
     def _answer(self, event: Event, query: Query) -> bytes | None:
         """The answer, or None where it has to wait."""
+        if event.kind in ("join", "leave"):
+            # Before anything is read. Whoever joins too often can still leave.
+            wait_s = self._joins.wait_s(f"{event.kind} {event.agent}", time.monotonic())
+            if wait_s > 0.0:
+                raise _No("unavailable", f"agent = {event.agent}: asks to {event.kind} too often; wait {wait_s:.1f} s")
         if event.kind == "join":
             joining = decode(JoinRequest, event.payload)
             _check_asker(event, joining.agent)
@@ -117,9 +132,10 @@ class Desk:
         elif wish.homes is not None and tuple(wish.homes) != self._specs(agent):
             known = ", ".join(spec.id for spec in self._specs(agent))
             raise _No("taken", f"agent = {wish.agent}: is in the market already, with the homes {known}")
+        if agent.instance != wish.instance:
+            self._roster_changed = True
         agent.bind(wish)
         self.clock.hub.forget(agent.id)
-        self._roster_changed = True
         self.clock.notes.note("info", "agent joins", agent=agent.id, policy=wish.policy, brought=agent.brought)
         return self._welcome(agent)
 
@@ -133,16 +149,17 @@ class Desk:
                 f"agent = {wish.agent}: not in the scenario, so it must bring homes; the scenario has {names}",
             )
         taken = set(clock.market.homes) | {s.id for a in clock.roster.joining.values() for s in a.bringing}
+        if len(taken) + len(wish.homes) > clock.settings.max_homes:
+            raise _No("full", f"homes = {len(taken)} + {len(wish.homes)}: this market takes {clock.settings.max_homes}")
         for i, spec in enumerate(wish.homes):
-            if spec.id in taken or spec.id in {other.id for other in wish.homes[:i]}:
+            if spec.id in taken:
                 raise _No("taken", f"homes.{i}.id = {spec.id}: is in the market already")
+            taken.add(spec.id)
             if spec.id != wish.agent and spec.id in clock.hub.agents:
                 raise _No(
                     "not_yours", f"homes.{i}.id = {spec.id}: is the name of another agent, which has a certificate"
                 )
-            clock.market.check(spec)
-        if len(taken) + len(wish.homes) > clock.settings.max_homes:
-            raise _No("full", f"homes = {len(taken)} + {len(wish.homes)}: this market takes {clock.settings.max_homes}")
+        clock.market.check(wish.homes)
         agent = Agent(wish.agent, "prosumer", brought=True, bringing=wish.homes)
         clock.roster.joining[agent.id] = agent
         self._when_between_slots(lambda: self._enter(agent))
@@ -224,7 +241,8 @@ class Desk:
         """Let those in and out who asked during the slot, and do what operators want."""
         changes, self._changes = self._changes, []
         for change in changes:
-            change()
+            with self.clock.guarded():
+                change()
         self._answer_steered(math.inf)
 
     def changed_roster(self) -> RosterRecord | None:

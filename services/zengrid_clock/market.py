@@ -12,6 +12,7 @@ from zengrid.core.baselines import conventional
 from zengrid.core.home import battery_step
 from zengrid.core.settle import Prepared, conclude, prepare, settle
 from zengrid.core.state import Action, Exogenous, Settlement
+from zengrid.errors import SettlementError
 from zengrid.journal.record import Twin
 from zengrid.scenario import homes_params
 
@@ -116,9 +117,9 @@ class LiveMarket:
         profile = self._profile if day == self.day else self._days.day(day)
         return [float(price) for price in profile.sell_price]
 
-    def check(self, spec: HomeSpec) -> None:
-        """Raise ScenarioError where this market has no profile for a home."""
-        self._days.home_day(spec, max(self.day, 0))
+    def check(self, specs: Sequence[HomeSpec]) -> None:
+        """Raise ScenarioError where this market has no profile for one of these homes."""
+        self._days.check(specs)
 
     def profile(self, slot: int) -> Exogenous:
         """PV, loads and tariff of one slot of the current day."""
@@ -143,13 +144,14 @@ class LiveMarket:
         command = conventional(ahead.pv_kw, ahead.load_kw, self.market.homes)
         soc = np.empty_like(command)
         start = np.broadcast_to(self.conventional_soc, command[:, 0].shape)
-        while True:
+        # Each round has one day more right, so that after as many rounds as days all of them are.
+        for _ in range(len(command)):
             state = start
             for each in range(slots):
                 soc[:, each] = state
                 _, state = battery_step(state, command[:, each], self.market)
-            # Where energy is carried over, a day starts as the one before it has ended: each round has one day more
-            # right, and all of them as soon as batteries that are full or empty once a day forget how they started.
+            # Where energy is carried over, a day starts as the one before it has ended; a battery that is full or
+            # empty once a day forgets how it started, which ends this sooner.
             carried = start if self.scenario.soc_reset == "daily" else np.concatenate([start[:1], state[:-1]])
             if np.array_equal(carried, start):
                 break
@@ -169,8 +171,21 @@ class LiveMarket:
         return prepare(self.soc, exogenous, self.market)
 
     def settle(self, prepared: Prepared, action: Action) -> Settlement:
-        """What came of a slot; nothing changes before ``advance``."""
-        return conclude(prepared, action, self.market)
+        """What came of a slot; nothing changes before ``advance``.
+
+        Raises
+        ------
+        SettlementError
+            A number is not finite: names the homes. Nothing of such a slot reaches the journal.
+        """
+        settled = conclude(prepared, action, self.market)
+        if not settled.is_finite:
+            wrong = ~np.isfinite(settled.soc + settled.bill)
+            homes = ", ".join(np.array(self.homes)[wrong][:10]) or "none"
+            raise SettlementError(
+                f"slot {self.slot} of day {self.day}: its settlement is not finite; homes concerned: {homes}"
+            )
+        return settled
 
     def advance(self, settled: Settlement, twin: Twin) -> None:
         """Continue from a settled (and journalled) slot."""

@@ -69,7 +69,7 @@ class Agent:
         self.policy = wish.policy
         self.observation = wish.observation
         self.encoding = wish.encoding
-        self.misses = 0
+        # Deadlines that were missed still count: joining again must not make the market wait for a silent agent anew.
 
     def counted(self) -> None:
         """Its action counted."""

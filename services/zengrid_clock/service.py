@@ -6,7 +6,10 @@ import gc
 import math
 import signal
 import time
+import traceback
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -42,7 +45,9 @@ IDLE_S = 0.5
 TOTALS_SLOTS = 1000
 """How often what all slots add up to is journalled: a clock that resumes reads at most so many."""
 EVENTS_PER_LOOK = 1000
-"""Most events handled between two slots, so that a flood cannot stop the market."""
+LOOK_S = 0.05
+"""Most events handled between two slots, and the time after which the next slot comes first: a flood cannot stop the
+market. [s]"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,8 +134,9 @@ class Clock:
     def _wait_for_slot(self) -> bool:
         """Handle events until the next slot is due; False when there is none."""
         # One look at what has come in keeps joins and controls alive at full speed.
+        until = time.monotonic() + LOOK_S
         for _ in range(EVENTS_PER_LOOK):
-            if not self._take(0.0, None):
+            if not self._take(0.0, None) or time.monotonic() > until:
                 break
         while True:
             if self.settings.days is not None and self.day >= self.settings.days:
@@ -342,6 +348,28 @@ class Clock:
         event = self.hub.receive(timeout_s)
         if event is None:
             return False
+        if event.query is not None and not self.in_slot and not self.committing:
+            # Between two slots an answer may change who takes part, and tells of the last slot: that must be a fact.
+            self._conclude_last()
+        with self.guarded(event):
+            self._handle(event, barrier)
+        return True
+
+    @contextmanager
+    def guarded(self, event: Event | None = None) -> Iterator[None]:
+        """Survive whatever goes wrong with one event: count it as ``internal``, log it with its cause, and drop it."""
+        try:
+            yield
+        except JournalError:
+            raise  # what the market itself cannot do without
+        except Exception as error:  # noqa: BLE001 - nothing that a stranger sends may end the market
+            self.refused["internal"] += 1
+            what = {} if event is None else {"kind": event.kind, "agent": event.agent}
+            logs.say("".join(traceback.format_exception(error)), "error", **what)
+            if event is not None and event.query is not None and not event.query.is_closed:
+                self.desk.fail(event, error)
+
+    def _handle(self, event: Event, barrier: Barrier[Any] | None) -> None:
         if event.kind == "action":
             self._take_action(event, barrier)
         elif event.kind in ("alive", "gone"):
@@ -350,11 +378,7 @@ class Clock:
             self.refused["second_session"] += 1
             self.notes.note("info", "second session refused", agent=event.agent)
         else:
-            # Between two slots an answer may change who takes part, and tells of the last slot: that must be a fact.
-            if not self.in_slot and not self.committing:
-                self._conclude_last()
             self.desk.answer(event)
-        return True
 
     def _take_action(self, event: Event, barrier: Barrier[Any] | None) -> None:
         agent = self.roster.get(event.agent)

@@ -11,6 +11,7 @@ from fastapi import FastAPI
 from fastapi.middleware.cors import CORSMiddleware
 
 from zengrid import __version__
+from zengrid.rate_limit import RateLimit
 from zengrid_gateway import (
     control,
     health,
@@ -32,7 +33,6 @@ from zengrid_gateway.archive import Archive
 from zengrid_gateway.document import describe
 from zengrid_gateway.frames import Frames
 from zengrid_gateway.guard import Guard
-from zengrid_gateway.limits import RateLimit
 from zengrid_gateway.link import MarketLink
 from zengrid_gateway.settings import Settings
 from zengrid_gateway.shelf import Shelf

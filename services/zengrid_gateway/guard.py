@@ -9,8 +9,8 @@ from http import HTTPStatus
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from zengrid import logs
+from zengrid.rate_limit import RateLimit
 from zengrid_gateway.access import is_loopback
-from zengrid_gateway.limits import RateLimit
 from zengrid_gateway.problems import MAX_BODY_BYTES, Problem
 
 # Plotly sets styles of elements; scripts come from here alone, and nothing is sent elsewhere.

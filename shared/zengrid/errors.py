@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+EXIT_INTERNAL = 70
+"""Exit code of a process that met an error of its own: starting it again may help."""
+
 
 class ZengridError(Exception):
     """Base of every error that a user of zengrid can mend."""
@@ -9,6 +12,10 @@ class ZengridError(Exception):
 
 class ScenarioError(ZengridError):
     """A scenario or its data is wrong: names the field or file position, the value and the permitted range."""
+
+
+class SettlementError(ZengridError):
+    """A slot cannot be settled: a number is not finite."""
 
 
 class PolicyError(ZengridError):

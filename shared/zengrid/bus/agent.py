@@ -17,7 +17,7 @@ from zengrid.bus.client import request
 from zengrid.bus.credentials import Credentials
 from zengrid.bus.keys import Keys
 from zengrid.bus.session import DEFAULT_ENDPOINT, open_client
-from zengrid.errors import BusError, ZengridError
+from zengrid.errors import BusError, RefusedError, ZengridError
 from zengrid.wire.codec import BINARY, JSON, decode, encode
 from zengrid.wire.requests import (
     JoinReply,
@@ -98,9 +98,10 @@ class AgentLink:
             try:
                 market = request(self._session, self.keys.join(self.agent), wish, JoinReply, ATTEMPT_S)
                 break
-            except BusError:
-                # After a link was lost the clock's token can be back before its questions are: ask again.
-                if time.monotonic() > until:
+            except (BusError, RefusedError) as error:
+                # After a link was lost the clock's token can be back before its questions are; and a clock that is busy
+                # says so. In both cases ask again.
+                if time.monotonic() > until or (isinstance(error, RefusedError) and error.reason != "unavailable"):
                     raise
                 self._closed.wait(RETRY_S)
         self.agent = market.agent

@@ -42,14 +42,17 @@ class Query:
         self._query = query
         self._key = key or query.key_expr
         self.payload = query.payload.to_bytes() if query.payload is not None else b"{}"
+        self.is_closed = False
 
     def reply(self, payload: bytes) -> None:
         """Answer and close the question."""
+        self.is_closed = True
         with self._query as query:
             query.reply(self._key, payload, encoding=JSON)
 
     def refuse(self, reason: RefusalReason, message: str) -> None:
         """Refuse with a reason and close the question."""
+        self.is_closed = True
         with self._query as query:
             query.reply_err(encode(Refusal(reason=reason, message=message)), encoding=JSON)
 

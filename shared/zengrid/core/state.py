@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -48,6 +49,11 @@ class Settlement(NamedTuple):
 
     Shapes: ``(..., home)`` for what belongs to a home, ``(..., facility)`` for facilities, ``(...)`` for the market.
     """
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether every number of a single market is finite: the profit adds up all that is not in ``soc``."""
+        return math.isfinite(self.profit + np.add.reduce(self.soc, axis=None))
 
     soc: Floats
     """(..., home) state of charge at the end of the slot [-]"""

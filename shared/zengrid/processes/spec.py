@@ -20,7 +20,8 @@ class Restarts:
     first_s, longest_s:
         Wait before the first restart; it doubles with each failure, up to the longest. [s]
     hopeless_s:
-        An error within this time of the very first start is final: it would only happen again. [s]
+        An error within this time of the very first start is final: it would only happen again. Errors of the program
+        itself (``EXIT_INTERNAL``) and signals are not meant. [s]
     """
 
     limit: int = 6

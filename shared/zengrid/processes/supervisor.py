@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, Self
 
+from zengrid.errors import EXIT_INTERNAL
 from zengrid.processes.log import begin, bound, tail
 from zengrid.processes.signals import Signals
 from zengrid.processes.spec import ProcessSpec
@@ -204,7 +205,8 @@ class Supervisor:
         if code == 0 or process.kill_at is not None or not self._restarting:
             self._tell(Event(spec.name, "ended", f"{spec.name}: {describe(code)}"))
             return
-        hopeless = process.starts == 1 and code > 0 and now - process.started < spec.restarts.hopeless_s
+        users_to_mend = code > 0 and code != EXIT_INTERNAL
+        hopeless = users_to_mend and process.starts == 1 and now - process.started < spec.restarts.hopeless_s
         self._failed(process, describe(code), hopeless=hopeless)
 
     def _failed(self, process: _Process, how: str, *, hopeless: bool) -> None:

@@ -96,6 +96,10 @@ class Days:
         return len(self._profiles.calendar) > 1
 
     @cached_property
+    def _default_profile(self) -> str:
+        return self.scenario.homes[0].load.profile or next(iter(self._profiles.load_kw))
+
+    @cached_property
     def _clear_sky(self) -> Floats:
         assert self.scenario.site is not None  # as ``_pv_source`` has seen
         dates = [(day.month, day.day) for day in self._profiles.calendar]
@@ -123,6 +127,14 @@ class Days:
         if factor is not None:
             consumer_kw *= factor
         return Exogenous(pv_kw, load_kw, consumer_kw, np.tile(self._sell_price, (len(wanted), 1)))
+
+    def check(self, homes: Sequence[HomeSpec]) -> None:
+        """Raise ScenarioError where the data has no profile for one of some homes; costs little, however many."""
+        default = self._default_profile
+        for home in homes:
+            profile = home.load.profile or default
+            self._load(profile, f"home {home.id}: load.profile")
+            self._pv_source(home, profile)
 
     def homes_day(self, homes: Sequence[HomeSpec], number: int) -> tuple[Floats, Floats]:
         """PV and load of homes that the scenario need not know, each ``(slot, home)``. [kW]
@@ -225,12 +237,9 @@ class Days:
 
     def _members(self, homes: Sequence[HomeSpec]) -> _Members:
         """Everything about some homes that does not change from day to day."""
-        default = self.scenario.homes[0].load.profile or next(iter(self._profiles.load_kw))
-        profiles = [home.load.profile or default for home in homes]
+        self.check(homes)
+        profiles = [home.load.profile or self._default_profile for home in homes]
         names = {name: place for place, name in enumerate(dict.fromkeys(profiles))}
-        for home, name in zip(homes, profiles, strict=True):
-            if name not in self._profiles.load_kw:
-                self._load(name, f"home {home.id}: load.profile")
         load = _Column(
             np.stack([self._profiles.load_kw[name] for name in names], axis=-1),
             np.array([names[name] for name in profiles]),

@@ -6,11 +6,15 @@ from collections.abc import Sequence
 from typing import Annotated, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
 from zengrid.core.params import Homes
 
 Id = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,62}$", description="Lower-case name, unique among its kind.")]
+
+
+SMALLEST = 1e-3
+"""Smallest battery capacity and power but for 0. [kWh], [kW]"""
 
 
 class Spec(BaseModel):
@@ -22,18 +26,28 @@ class Spec(BaseModel):
 class BatterySpec(Spec):
     """A home's battery. The defaults are the paper's, but for the capacity."""
 
-    capacity_kwh: float = Field(default=0.0, ge=0.0, le=1e6, description="Capacity; 0 is a home without battery [kWh].")
+    capacity_kwh: float = Field(
+        default=0.0, ge=0.0, le=1e6, description="Capacity: 0 is a home without battery, else at least 0.001 [kWh]."
+    )
     charge_max_kw: float = Field(default=2.0, ge=0.0, le=1e6, description="Largest charging power [kW].")
     discharge_max_kw: float = Field(default=2.0, ge=0.0, le=1e6, description="Largest discharging power [kW].")
     soc_min: float = Field(default=0.1, ge=0.0, le=1.0, description="Lowest permitted state of charge [-].")
     soc_max: float = Field(default=0.9, ge=0.0, le=1.0, description="Highest permitted state of charge [-].")
-    charge_efficiency: float = Field(default=1.0, gt=0.0, le=1.0, description="Energy stored per energy taken in [-].")
+    charge_efficiency: float = Field(default=1.0, ge=0.01, le=1.0, description="Energy stored per energy taken in [-].")
     discharge_efficiency: float = Field(
-        default=1.0, gt=0.0, le=1.0, description="Energy delivered per energy taken out [-]."
+        default=1.0, ge=0.01, le=1.0, description="Energy delivered per energy taken out [-]."
     )
     initial_kwh: float | None = Field(
         default=None, ge=0.0, le=1e6, description="Stored energy at the start; null is half the capacity [kWh]."
     )
+
+    @field_validator("capacity_kwh", "charge_max_kw", "discharge_max_kw")
+    @classmethod
+    def _computable(cls, value: float, info: ValidationInfo) -> float:
+        # Powers and capacities are divided by one another: with tiny numbers the results would overflow.
+        if 0.0 < value < SMALLEST:
+            raise ValueError(f"{info.field_name} = {value:g}: permitted: 0, or {SMALLEST:g} to 1e+06")
+        return value
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

@@ -8,7 +8,7 @@ from typing import Literal, Self, TypeVar
 import numpy as np
 from pydantic import Field, model_validator
 
-from zengrid.scenario.home import BatterySpec, HomeSpec, LoadSpec, Spec
+from zengrid.scenario.home import SMALLEST, BatterySpec, HomeSpec, LoadSpec, Spec
 from zengrid.scenario.randomness import Keys, bell, fork, keys_of, uniform
 
 T = TypeVar("T")
@@ -69,8 +69,8 @@ class Population(Spec):
     battery_c_rate: float = Field(default=0.4, gt=0.0, le=100.0, description="Battery power per capacity [1/h].")
     soc_min: float = Field(default=0.1, ge=0.0, le=1.0, description="Lowest permitted state of charge [-].")
     soc_max: float = Field(default=0.9, ge=0.0, le=1.0, description="Highest permitted state of charge [-].")
-    charge_efficiency: float = Field(default=1.0, gt=0.0, le=1.0, description="Of all batteries [-].")
-    discharge_efficiency: float = Field(default=1.0, gt=0.0, le=1.0, description="Of all batteries [-].")
+    charge_efficiency: float = Field(default=1.0, ge=0.01, le=1.0, description="Of all batteries [-].")
+    discharge_efficiency: float = Field(default=1.0, ge=0.01, le=1.0, description="Of all batteries [-].")
     injection_max_kw: float = Field(default=10.0, ge=0.0, le=1e6, description="Limit of the meters [kW].")
     load_profiles: dict[str, float] = Field(min_length=1, description="Load profile: weight.")
     load_scale: Draw = Field(description="Factor on the load profile.")
@@ -118,7 +118,11 @@ class Population(Spec):
         )
 
     def _battery(self, capacity_kwh: float) -> BatterySpec:
+        if capacity_kwh < SMALLEST:
+            capacity_kwh = 0.0
         power_kw = round(self.battery_c_rate * capacity_kwh, 9)
+        if power_kw < SMALLEST:
+            power_kw = 0.0
         return BatterySpec(
             capacity_kwh=capacity_kwh,
             charge_max_kw=power_kw,

@@ -27,7 +27,10 @@ Instance = Annotated[
 Price = Annotated[float, Field(ge=0, le=1000, description="[$/kWh]")]
 
 
-_NUMBERS = core_schema.list_schema(core_schema.float_schema(allow_inf_nan=False, strict=True), max_length=MAX_HOMES)
+# The first wrong number is enough: a message of nothing but errors must not cost more than a good one.
+_NUMBERS = core_schema.list_schema(
+    core_schema.float_schema(allow_inf_nan=False, strict=True), max_length=MAX_HOMES, fail_fast=True
+)
 _IS_ARRAY = core_schema.is_instance_schema(np.ndarray)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from typing import Any, TypeVar
 
 import msgspec
@@ -27,6 +28,8 @@ def _plain(value: Any) -> Any:
     raise TypeError(f"{type(value).__name__} has no place in a message")
 
 
+_SHORT = reprlib.Repr()
+_SHORT.maxstring = _SHORT.maxother = 60
 _WRITER = msgspec.json.Encoder(enc_hook=_plain)
 
 
@@ -62,8 +65,12 @@ def decode(kind: type[M], payload: bytes, encoding: str = JSON) -> M:
             return _decode_binary(kind, payload)
         message: M = kind.__pydantic_validator__.validate_json(payload)
         return message
+    except WireError:
+        raise
     except ValidationError as error:
         raise WireError(f"{kind.__name__}: {explain(error)}") from None
+    except Exception as error:  # noqa: BLE001 - a stranger chose these bytes: whatever they do to a parser is refused
+        raise WireError(f"{kind.__name__}: cannot be read: {type(error).__name__}: {error}") from None
 
 
 def read(kind: type[M], payload: bytes, encoding: str = JSON) -> M:
@@ -81,8 +88,8 @@ def read(kind: type[M], payload: bytes, encoding: str = JSON) -> M:
         try:
             message: M = decoder(kind).decode(payload)
             return message
-        except msgspec.MsgspecError:
-            pass  # the model says what is wrong
+        except Exception:  # noqa: BLE001 - not only MsgspecError: the model says what is wrong
+            pass
     return decode(kind, payload, encoding)
 
 
@@ -90,9 +97,8 @@ def explain(error: ValidationError) -> str:
     """The first thing pydantic found wrong, as one line."""
     first = error.errors(include_url=False, include_context=False)[0]
     field = ".".join(str(part) for part in first["loc"]) or "message"
-    value = repr(first["input"])
-    shown = value if len(value) <= 60 else value[:57] + "..."
-    return f"{field} = {shown}: {first['msg']}"
+    shown = _SHORT.repr(first["input"])
+    return f"{field} = {shown if len(shown) <= 60 else shown[:57] + '...'}: {first['msg']}"
 
 
 def _split(fields: dict[str, Any], prefix: str, columns: dict[str, np.ndarray]) -> dict[str, Any]:
@@ -125,6 +131,8 @@ def _pack(columns: dict[str, np.ndarray], message: str) -> bytes:
 
 def _decode_binary(kind: type[M], payload: bytes) -> M:
     start = 8 + int.from_bytes(payload[:8], "little")
+    if not 8 < start <= len(payload):
+        raise WireError(f"{kind.__name__}: its header ends at byte {start} of {len(payload)}")
     try:
         header = from_json(payload[8:start])
         fields = from_json(header.pop("__metadata__")["message"])

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from zengrid.scenario.home import HomeSpec
-from zengrid.wire.base import AgentId, Column, Instance, Message, Price, RunName
+from zengrid.wire.base import MAX_HOMES, AgentId, Column, Instance, Message, Price, RunName
 from zengrid.wire.slots import SettledSlot
 
 RefusalReason = Literal["invalid", "taken", "full", "unknown", "not_yours", "ended", "unavailable"]
@@ -30,7 +30,7 @@ class JoinRequest(Message):
     role: Literal["grid", "prosumer"]
     instance: Instance
     policy: str = Field(default="", max_length=200, description="Name of what decides, for display.")
-    homes: tuple[HomeSpec, ...] | None = Field(
+    homes: Annotated[tuple[HomeSpec, ...], Field(fail_fast=True, max_length=MAX_HOMES)] | None = Field(
         default=None, description="Homes to add; null takes over the homes that the scenario gives this agent."
     )
     vacancy: bool = Field(
@@ -222,8 +222,8 @@ class ScenarioReply(Message):
 class PolicyRequest(Message):
     """Asks an agent what it would do. Give either raw observation vectors or named quantities through the gateway."""
 
-    observations: tuple[tuple[float, ...], ...] = Field(
-        min_length=1, max_length=10_000, description="Rows in the order of the policy's features."
+    observations: tuple[Annotated[tuple[float, ...], Field(fail_fast=True)], ...] = Field(
+        fail_fast=True, min_length=1, max_length=10_000, description="Rows in the order of the policy's features."
     )
     home: AgentId | None = Field(default=None, description="Which of its homes; null: the first.")
 

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from zengrid.scenario import BatterySpec, HomeSpec, homes_params
+from zengrid.scenario.home import SMALLEST
 
 
 def test_a_home_is_complete_with_pv_and_battery() -> None:
@@ -31,6 +32,10 @@ def test_ids_fit_into_keys(name: str) -> None:
         {"capacity_kwh": -1},
         {"capacity_kwh": float("nan")},
         {"capacity_kwh": float("inf")},
+        {"capacity_kwh": 1e-320},
+        {"charge_max_kw": 1e-9},
+        {"discharge_max_kw": 5e-324},
+        {"charge_efficiency": 1e-300},
         {"soc_min": 0.9, "soc_max": 0.1},
         {"charge_efficiency": 0.0},
         {"discharge_efficiency": 1.1},
@@ -43,7 +48,7 @@ def test_impossible_batteries_are_refused(battery: dict[str, float]) -> None:
         BatterySpec.model_validate(battery)
 
 
-@given(st.floats(0, 100), st.floats(0, 1), st.floats(0, 1))
+@given(st.just(0.0) | st.floats(SMALLEST, 100), st.floats(0, 1), st.floats(0, 1))
 def test_the_first_state_of_charge_is_permitted(capacity: float, one: float, other: float) -> None:
     low, high = sorted((one, other))
     assert low <= BatterySpec(capacity_kwh=capacity, soc_min=low, soc_max=high).soc_initial <= high

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -67,6 +68,8 @@ ACTION = '{"v":1,"run":"main","day":0,"slot":3,"phase":"battery","instance":"012
         (b"\xff\xfe", "Invalid JSON"),
         (b"[]", "FleetAction: message"),
         (b"{}", "run = {}: Field required"),
+        (b'{"\xff":0}', "invalid unicode code point"),
+        (b"[" * 100_000, "recursion limit exceeded"),
         ((ACTION % "NaN").encode(), "battery_kw.0 = nan: Input should be a finite number"),
         ((ACTION % "1e999").encode(), "battery_kw.0 = inf"),
         ((ACTION % '"1"').encode(), "battery_kw.0 = '1'"),
@@ -109,6 +112,18 @@ def test_random_bytes_are_refused(payload: bytes) -> None:
             read(FleetAction, payload, encoding)
 
 
+@given(st.sampled_from([JSON, BINARY]), st.data())
+def test_whatever_bytes_are_changed_a_message_or_a_wire_error_comes_of_it(encoding: str, data: st.DataObject) -> None:
+    action = FleetAction(run="main", day=0, slot=0, instance="01234567", battery_kw=np.ones(3))
+    payload = bytearray(encode(action, encoding))
+    places = data.draw(st.lists(st.integers(0, len(payload) - 1), min_size=1, max_size=12))
+    for place, byte in zip(places, data.draw(st.binary(min_size=len(places), max_size=len(places))), strict=True):
+        payload[place] = byte
+    for reader in (decode, read):
+        with suppress(WireError):
+            assert reader(FleetAction, bytes(payload), encoding).v == 1
+
+
 @given(st.data())
 def test_damaged_binary_is_refused_or_the_same(data: st.DataObject) -> None:
     whole = encode(FleetAction(run="main", day=0, slot=0, instance="01234567", battery_kw=np.ones(5)), BINARY)
@@ -147,6 +162,12 @@ def test_a_binary_header_must_describe_its_numbers(tensor: object, says: str) ->
     with pytest.raises(WireError) as caught:
         decode(FleetAction, payload, BINARY)
     assert says in str(caught.value)
+
+
+@pytest.mark.parametrize("length", [2**64 - 1, 2**63, 2**40, 34, 0])
+def test_a_binary_header_must_lie_within_its_message(length: int) -> None:
+    with pytest.raises(WireError, match="its header ends at byte"):
+        decode(FleetAction, length.to_bytes(8, "little") + b'{"__metadata__":{"message":"{}"}}', BINARY)
 
 
 def test_binary_columns_must_be_finite() -> None:

@@ -1,11 +1,11 @@
-"""How much one client may ask for."""
+"""How often one client may ask: token buckets."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 CLIENTS = 10_000
-"""Addresses remembered; those that have asked least recently are forgotten."""
+"""Clients remembered; those that have asked least recently are forgotten."""
 
 
 @dataclass(slots=True)

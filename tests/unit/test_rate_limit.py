@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zengrid_gateway.limits import CLIENTS, RateLimit
+from zengrid.rate_limit import CLIENTS, RateLimit
 
 
 def test_no_limit() -> None:
