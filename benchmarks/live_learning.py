@@ -70,10 +70,10 @@ def read(journal: Path) -> dict[str, Any]:
         "minutes": (
             (whole["settled_at"][size - 1 : count * size : size] - whole["settled_at"][0]) / 60.0
         ).round(2).tolist(),
-        "bills_percent": change(whole["bill"], whole["conventional_bill"]),
-        "profit_percent": change(whole["profit"], whole["conventional_profit"]),
+        "bills_percent": change(whole["bill"], whole["baseline_bill"]),
+        "profit_percent": change(whole["profit"], whole["baseline_profit"]),
         "reserve_percent": change(
-            whole["facility_kw"][:, 1:].sum(axis=1), whole["conventional_facility_kw"][:, 1:].sum(axis=1)
+            whole["facility_kw"][:, 1:].sum(axis=1), whole["baseline_facility_kw"][:, 1:].sum(axis=1)
         ),
     }  # fmt: skip
 

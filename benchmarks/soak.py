@@ -114,7 +114,7 @@ class Soak:
                 if slot.position < self.heard[-1].position:
                     self.findings.append(f"slot {slot.position} was published after {self.heard[-1].position}")
                 return
-            everyone = acted | frozenset(slot.fell_back)
+            everyone = acted | frozenset(slot.fallback)
             self.heard.append(Heard(time.monotonic(), slot.position, slot.buy_price, slot.demand_kw, acted, everyone))
             self.changed.notify_all()
 

@@ -13,10 +13,10 @@ import zenoh
 
 name, *brought = sys.argv[1:]
 me = {"agent": name, "instance": secrets.token_hex(8)}
-wish = {**me, "role": "prosumer", "policy": "own_agent"}
+request = {**me, "role": "prosumer", "policy": "own_agent"}
 if brought:
     pv_kw, capacity_kwh = map(float, brought)
-    wish["homes"] = [{"id": name, "pv_kw": pv_kw, "battery": {"capacity_kwh": capacity_kwh}}]
+    request["homes"] = [{"id": name, "pv_kw": pv_kw, "battery": {"capacity_kwh": capacity_kwh}}]
 
 root = "zengrid/@v1/" + os.environ.get("ZENGRID_RUN", "main")
 config = zenoh.Config.from_json5('{mode: "client", connect: {timeout_ms: 30000}}')
@@ -25,7 +25,7 @@ config.insert_json5("connect/endpoints", json.dumps([os.environ.get("ZENGRID_CON
 with zenoh.open(config) as session:
     # Subscribe first, join second, show the liveliness token last: from then on the market waits for us.
     observations = session.declare_subscriber(f"{root}/agent/{name}/observation", zenoh.handlers.FifoChannel(64))
-    reply = next(iter(session.get(f"{root}/clock/join/{name}", payload=json.dumps(wish))), None)
+    reply = next(iter(session.get(f"{root}/clock/join/{name}", payload=json.dumps(request))), None)
     if reply is None or reply.ok is None:
         raise SystemExit("refused: " + (reply.err.payload.to_string() if reply else "nobody answered"))
     homes = json.loads(reply.ok.payload.to_string())["homes"]

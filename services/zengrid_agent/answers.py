@@ -18,24 +18,24 @@ def policy_reply(
     agent: str,
     policy: ProsumerPolicy | GridPolicy,
     features: Sequence[str],
-    wish: PolicyRequest,
+    request: PolicyRequest,
     act: Callable[[dict[str, float]], float],
 ) -> PolicyReply:
     """Actions row by row, and Q-values where the policy has them."""
     features = getattr(policy, "features", features)
-    for i, row in enumerate(wish.observations):
+    for i, row in enumerate(request.observations):
         if len(row) != len(features):
             raise PolicyError(f"observations.{i} has {len(row)} numbers: give {len(features)}: {', '.join(features)}")
     levels: tuple[float, ...] = ()
     q_values = None
     network: Any = policy if hasattr(policy, "q_values") else None
     if network is not None:
-        values = network.q_values(np.array(wish.observations))
+        values = network.q_values(np.array(request.observations))
         levels = tuple(float(level) for level in network.levels)
         actions = tuple(levels[i] for i in values.argmax(axis=-1))
         q_values = tuple(tuple(row) for row in values.tolist())
     else:
-        actions = tuple(act(dict(zip(features, row, strict=True))) for row in wish.observations)
+        actions = tuple(act(dict(zip(features, row, strict=True))) for row in request.observations)
     return PolicyReply(
         agent=agent,
         policy=policy.name,

@@ -27,8 +27,8 @@ class Grid(AgentSession[GridObservation]):
 
     observation = GridObservation
 
-    def __init__(self, link: AgentLink, wish: JoinRequest, learning: Learning | None = None) -> None:
-        super().__init__(link, wish, learning)
+    def __init__(self, link: AgentLink, request: JoinRequest, learning: Learning | None = None) -> None:
+        super().__init__(link, request, learning)
         self._facts: MarketFacts | None = None
 
     def welcome(self, market: JoinReply) -> None:
@@ -36,10 +36,10 @@ class Grid(AgentSession[GridObservation]):
         if self._facts is None:
             self._facts = market_facts(market, ())
             self._levels = np.array(market.buy_prices)
-            self._policy = make_grid_policy(self.wish.policy, self._facts)
+            self._policy = make_grid_policy(self.request.policy, self._facts)
             if self._learning is not None:
-                self.say(self._learning.begin(self._facts, self.wish.policy))
-            elif self.wish.policy == "trained":
+                self.say(self._learning.begin(self._facts, self.request.policy))
+            elif self.request.policy == "trained":
                 self.say(f"grid plays {trained.for_grid(self._facts).why}")
 
     def act(self, seen: GridObservation) -> dict[str, Any]:
@@ -51,7 +51,7 @@ class Grid(AgentSession[GridObservation]):
             self._facts.dt_h,
             np.asarray(seen.facility_cost),
             None if seen.payment is None else np.asarray(seen.payment),
-            seen.payment_sum,
+            seen.payments,
             seen.homes,
             seen.demand_kw,
             seen.sell_price,
@@ -68,26 +68,26 @@ class Grid(AgentSession[GridObservation]):
             price = float(self._policy.act(view))
         return {"buy_price": price}
 
-    def answer(self, wish: PolicyRequest) -> PolicyReply:
+    def answer(self, request: PolicyRequest) -> PolicyReply:
         """What the policy would do, row by row."""
         facts = self._facts
         assert facts is not None
 
         def act(row: dict[str, float]) -> float:
             cost = np.array([row[f"facility_cost_{i + 1}"] for i in range(facts.facilities)])
-            outcome = (row["payment_sum"], int(row["homes"]), row["demand_kw"], row["sell_price"])
+            outcome = (row["payments"], int(row["homes"]), row["demand_kw"], row["sell_price"])
             view = GridView(0, slot_of(row, facts), facts.dt_h, cost, None, *outcome, self._levels)
             return float(self._policy.act(view))
 
         policy = self._policy
         if self._learning is not None and not self._learning.grid.watches:
             policy = GridNetwork(self._learning.grid.file(), facts)
-        return policy_reply(self.wish.agent, policy, grid_features("public", facts.facilities, 0), wish, act)
+        return policy_reply(self.request.agent, policy, grid_features("public", facts.facilities, 0), request, act)
 
 
 def play(options: argparse.Namespace) -> None:
     """Take part until the market is over."""
-    wish = JoinRequest(
+    request = JoinRequest(
         agent="grid",
         role="grid",
         instance=new_instance(),
@@ -97,4 +97,4 @@ def play(options: argparse.Namespace) -> None:
     )
     learning = Learning(options, "grid", "grid") if options.learn else None
     with AgentLink("grid", options.run, options.connect, certs=options.certs, timeout_s=options.timeout) as link:
-        Grid(link, wish, learning).live()
+        Grid(link, request, learning).live()

@@ -38,8 +38,8 @@ class Prosumer(AgentSession[FleetObservation]):
 
     observation = FleetObservation
 
-    def __init__(self, link: AgentLink, wish: JoinRequest, learning: Learning | None = None) -> None:
-        super().__init__(link, wish, learning)
+    def __init__(self, link: AgentLink, request: JoinRequest, learning: Learning | None = None) -> None:
+        super().__init__(link, request, learning)
         self._market: JoinReply | None = None
 
     def welcome(self, market: JoinReply) -> None:
@@ -47,14 +47,14 @@ class Prosumer(AgentSession[FleetObservation]):
         if self._market is not None and self._market.homes == market.homes:
             return
         facts = market_facts(market, market.homes)
-        if self.wish.policy.partition(":")[0] == "optimum":
+        if self.request.policy.partition(":")[0] == "optimum":
             facts = replace(facts, foresight=self._foresight(market))
         self._dt_h, self._homes = facts.dt_h, facts.homes
-        self._policy = make_prosumer_policy(self.wish.policy, facts)
+        self._policy = make_prosumer_policy(self.request.policy, facts)
         if self._learning is not None:
-            self.say(self._learning.begin(facts, self.wish.policy))
-        elif self.wish.policy == "trained":
-            self.say(f"{self.wish.agent} plays {trained.for_prosumer(facts).why}")
+            self.say(self._learning.begin(facts, self.request.policy))
+        elif self.request.policy == "trained":
+            self.say(f"{self.request.agent} plays {trained.for_prosumer(facts).why}")
         self._market = market
 
     def _foresight(self, market: JoinReply) -> Foresight:
@@ -63,7 +63,7 @@ class Prosumer(AgentSession[FleetObservation]):
         from zengrid.scenario import loads
 
         scenario = loads(self.link.scenario())
-        described = {home.id: home for home in (*scenario.homes, *(self.wish.homes or ()))}
+        described = {home.id: home for home in (*scenario.homes, *(self.request.homes or ()))}
         return foresight_of(scenario, [described[home.id] for home in market.homes])
 
     def act(self, seen: FleetObservation) -> dict[str, Any]:
@@ -90,19 +90,19 @@ class Prosumer(AgentSession[FleetObservation]):
             battery_kw = self._policy.act(view)
         return {"battery_kw": battery_kw}
 
-    def answer(self, wish: PolicyRequest) -> PolicyReply:
+    def answer(self, request: PolicyRequest) -> PolicyReply:
         """What the policy would do with one home, row by row."""
         assert self._market is not None
-        homes = self._market.homes if wish.home is None else [h for h in self._market.homes if h.id == wish.home]
+        homes = self._market.homes if request.home is None else [h for h in self._market.homes if h.id == request.home]
         if not homes:
             names = ", ".join(home.id for home in self._market.homes[:10])
-            raise PolicyError(f"home = {wish.home}: {self.wish.agent} plays {names}")
+            raise PolicyError(f"home = {request.home}: {self.request.agent} plays {names}")
         facts = market_facts(self._market, homes[:1])
         policy: ProsumerPolicy
         if self._learning is not None and not self._learning.prosumer.watches:
             policy = ProsumerNetwork(self._learning.prosumer.file(), facts)
         else:
-            policy = make_prosumer_policy(self.wish.policy, facts)
+            policy = make_prosumer_policy(self.request.policy, facts)
 
         def act(row: dict[str, float]) -> float:
             soc, pv_kw, load_kw = (np.array([row[name]]) for name in ("soc", "pv_kw", "load_kw"))
@@ -110,7 +110,7 @@ class Prosumer(AgentSession[FleetObservation]):
             view = ProsumerView(0, slot_of(row, facts), facts.dt_h, soc, pv_kw, load_kw, *prices, facts.homes)
             return float(policy.act(view)[0])
 
-        return policy_reply(self.wish.agent, policy, prosumer_features("public"), wish, act)
+        return policy_reply(self.request.agent, policy, prosumer_features("public"), request, act)
 
 
 def play(options: argparse.Namespace) -> None:
@@ -119,7 +119,7 @@ def play(options: argparse.Namespace) -> None:
     if vacancy:
         options.id = f"home-{machine_name()}"[:NAME_MAX].rstrip("-_")
     brings = options.pv is not None or options.battery is not None or options.home is not None
-    wish = JoinRequest(
+    request = JoinRequest(
         agent=options.id,
         role="prosumer",
         # By its name the clock knows a process again that takes whichever home is free.
@@ -132,7 +132,7 @@ def play(options: argparse.Namespace) -> None:
     )
     learning = Learning(options, options.id, "prosumer") if options.learn else None
     with AgentLink(options.id, options.run, options.connect, certs=options.certs, timeout_s=options.timeout) as link:
-        Prosumer(link, wish, learning).live()
+        Prosumer(link, request, learning).live()
 
 
 def _home(options: argparse.Namespace) -> HomeSpec:

@@ -41,7 +41,7 @@ class AgentSession(ABC, Generic[Seen]):
     ----------
     link:
         The agent's connection.
-    wish:
+    request:
         What it joins with; ``instance`` tells this process apart from others of the same name.
     learning:
         What learns beside its policy, if anything does.
@@ -49,9 +49,9 @@ class AgentSession(ABC, Generic[Seen]):
 
     observation: type[Seen]
 
-    def __init__(self, link: AgentLink, wish: JoinRequest, learning: Learning | None = None) -> None:
+    def __init__(self, link: AgentLink, request: JoinRequest, learning: Learning | None = None) -> None:
         self.link = link
-        self.wish = wish
+        self.request = request
         self._learning = learning
         self._clock_seen = False
         self._busy = self._stopping = False
@@ -73,7 +73,7 @@ class AgentSession(ABC, Generic[Seen]):
         """What to do: the field that makes an action of what every action holds."""
 
     @abstractmethod
-    def answer(self, wish: PolicyRequest) -> PolicyReply:
+    def answer(self, request: PolicyRequest) -> PolicyReply:
         """What the policy would do."""
 
     def live(self) -> None:
@@ -99,9 +99,9 @@ class AgentSession(ABC, Generic[Seen]):
                     pass
         except Stop:
             self._over.set()
-            if self.wish.homes:
+            if self.request.homes:
                 # Homes that came with this process leave with it.
-                self.link.leave(self.wish.instance)
+                self.link.leave(self.request.instance)
         finally:
             if self._learning is not None:
                 self._learning.save()
@@ -110,27 +110,27 @@ class AgentSession(ABC, Generic[Seen]):
 
     def join(self) -> None:
         """Take part in the market, or go on doing so under a new clock."""
-        self._last = market = self.link.join(self.wish)
-        if self.wish.vacancy:
-            homes = self.wish.homes
+        self._last = market = self.link.join(self.request)
+        if self.request.vacancy:
+            homes = self.request.homes
             mine = (homes[0].model_copy(update={"id": market.agent}),) if market.brought and homes else None
-            self.wish = self.wish.model_copy(update={"agent": market.agent, "homes": mine, "vacancy": False})
+            self.request = self.request.model_copy(update={"agent": market.agent, "homes": mine, "vacancy": False})
         try:
             self.welcome(market)
         except ZengridError:
-            if self.wish.homes:
-                self.link.leave(self.wish.instance)  # what it has brought would stay without it
+            if self.request.homes:
+                self.link.leave(self.request.instance)  # what it has brought would stay without it
             raise
         if self._prompt is None:
             self._prompt = self._learning is None and len(market.homes) <= PROMPT_HOMES
         self.link.ready(self._answer_at_once if self._prompt else None)
         since = f"day {market.day}, slot {market.slot}"
-        self.say(f"{self.wish.agent} takes part in {market.run} ({market.scenario}) from {since} on")
+        self.say(f"{self.request.agent} takes part in {market.run} ({market.scenario}) from {since} on")
 
     def say(self, text: str, level: logs.Level = "info") -> None:
         """One line for whoever started this process."""
         at = {} if self._last is None else {"day": self._last.day, "slot": self._last.slot}
-        logs.say(text, level, agent=self.wish.agent, **at)
+        logs.say(text, level, agent=self.request.agent, **at)
 
     def _answer_at_once(self, arrival: Arrival) -> None:
         """Answer an observation on Zenoh's own thread, while the main thread waits for the end."""
@@ -188,7 +188,7 @@ class AgentSession(ABC, Generic[Seen]):
             "day": seen.day,
             "slot": seen.slot,
             "phase": seen.phase,
-            "instance": self.wish.instance,
+            "instance": self.request.instance,
             **self.act(seen),
         }
 
@@ -199,7 +199,7 @@ class AgentSession(ABC, Generic[Seen]):
 
     def _clock_changed(self, came: bool) -> None:
         if not came:
-            self.say(f"{self.wish.agent}: the clock is away; waiting for it", "warning")
+            self.say(f"{self.request.agent}: the clock is away; waiting for it", "warning")
         elif self._clock_seen:
             # A new clock may not know this process; where it does, joining again changes nothing.
             try:

@@ -15,8 +15,8 @@ def line(status: Status) -> str:
             f"sell {last.sell_price:.3f} buy {last.buy_price:.3f} $/kWh  demand {last.demand_kw:,.1f} "
             f"reserve {last.facility_kw[1:].sum():,.1f} kW"
         )
-    parts.append(f"profit {totals.profit:,.2f} $ ({change(totals.profit, totals.conventional_profit)})")
-    parts.append(f"bills {totals.bills:,.2f} $ ({change(totals.bills, totals.conventional_bills)})")
+    parts.append(f"profit {totals.profit:,.2f} $ ({change(totals.profit, totals.baseline_profit)})")
+    parts.append(f"bills {totals.bills:,.2f} $ ({change(totals.bills, totals.baseline_bills)})")
     away = [agent.id for agent in status.agents if agent.presence != "present"]
     if away:
         parts.append(f"not there: {', '.join(away[:5])}{' ...' if len(away) > 5 else ''}")

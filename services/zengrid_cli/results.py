@@ -72,13 +72,13 @@ def results(run: RunView) -> Results:
         first_settled_at = first_settled_at or float(block["settled_at"][0])
         slots += len(block)
         grid_fallbacks += int(block["grid_fallback"].sum())
-        profit += block["profit"].sum(), block["conventional_profit"].sum()
-        reserve += block["facility_kw"][:, 1:].sum() * dt_h, block["conventional_facility_kw"][:, 1:].sum() * dt_h
+        profit += block["profit"].sum(), block["baseline_profit"].sum()
+        reserve += block["facility_kw"][:, 1:].sum() * dt_h, block["baseline_facility_kw"][:, 1:].sum() * dt_h
         lost += (
             (block["curtailed_kw"] + block["home_curtailed_kw"]).sum() * dt_h,
             (block["unserved_kw"] + block["home_unserved_kw"]).sum() * dt_h,
         )
-        columns = (block["bill"], block["conventional_bill"], block["fallback"])
+        columns = (block["bill"], block["baseline_bill"], block["fallback"])
         sums = np.stack([column.sum(axis=0) for column in columns], axis=-1)
         for home, row in zip(block.roster.homes, sums, strict=True):
             homes[home] = homes[home] + row if home in homes else row

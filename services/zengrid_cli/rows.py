@@ -26,7 +26,7 @@ class Row:
     load_kw: float
     bill: float
     """[$]"""
-    conventional_bill: float
+    baseline_bill: float
     """[$]"""
     presence: Presence
     policy: str
@@ -49,7 +49,7 @@ def rows(status: Status, homes: HomesStatus, limit: int) -> tuple[list[Row], Row
         members.setdefault(agent, []).append(i)
     listed = [_row(name, np.array(mine), homes, agents.get(name)) for name, mine in members.items()]
     if len(listed) > limit:
-        listed.sort(key=lambda row: (row.presence == "present", row.bill - row.conventional_bill))
+        listed.sort(key=lambda row: (row.presence == "present", row.bill - row.baseline_bill))
     return listed[: max(limit, 0)], total
 
 
@@ -67,7 +67,7 @@ def _row(name: str, mine: NDArray[np.int64], homes: HomesStatus, agent: AgentSta
         pv_kw=total(homes.pv_kw),
         load_kw=total(homes.load_kw),
         bill=total(homes.bill),
-        conventional_bill=total(homes.conventional_bill),
+        baseline_bill=total(homes.baseline_bill),
         presence="away" if agent is None else agent.presence,
         policy="" if agent is None else agent.policy,
         fallbacks=0 if agent is None else agent.fallbacks,

@@ -129,7 +129,7 @@ def _facts(scenario: Scenario, days: Days) -> Table:
         else f"{days.count}, {days.label(0)} to {days.label(days.count - 1)}",
         "sell price": f"{tariff} $/kWh",
         "buy price": f"{', '.join(f'{price:g}' for price in scenario.buy_prices)} $/kWh; "
-        f"{scenario.conventional_buy_price:g} without demand response",
+        f"{scenario.baseline_buy_price:g} without demand response",
         "noise": "none"
         if off
         else f"clouds take {noise.cloudiness:.0%}, load {noise.load_level:.0%} by day, {noise.load_noise:.0%} by slot",

@@ -78,7 +78,7 @@ def _prices(status: Status) -> RenderableType:
     )
     grid.add_row(
         f"buy  {last.buy_price:.3f} $/kWh",
-        f"export {amount(last.injection_kw):>8} kW",
+        f"export {amount(last.export_kw):>8} kW",
         f"reserve {amount(last.facility_kw[1:].sum()):>8} kW",
         f"unserved  {amount(last.unserved_kwh)} kWh",
     )
@@ -93,9 +93,9 @@ def _outcome(status: Status) -> RenderableType:
     for heading in ("now", "conventional", "difference"):
         table.add_column(heading, justify="right", no_wrap=True, min_width=13)
     for name, unit, real, conventional, good in (
-        ("grid profit", "$", totals.profit, totals.conventional_profit, 1),
-        ("reserve energy", "kWh", totals.reserve_kwh, totals.conventional_reserve_kwh, -1),
-        ("bills of the homes", "$", totals.bills, totals.conventional_bills, -1),
+        ("grid profit", "$", totals.profit, totals.baseline_profit, 1),
+        ("reserve energy", "kWh", totals.reserve_kwh, totals.baseline_reserve_kwh, -1),
+        ("bills of the homes", "$", totals.bills, totals.baseline_bills, -1),
     ):
         table.add_row(
             name, f"{amount(real)} {unit}", f"{amount(conventional)} {unit}", difference(real, conventional, good)
@@ -132,8 +132,8 @@ def _cells(row: Row) -> tuple[RenderableType, ...]:
         amount(row.pv_kw),
         amount(row.load_kw),
         amount(row.bill),
-        amount(row.conventional_bill),
-        difference(row.bill, row.conventional_bill, -1, absolute=False),
+        amount(row.baseline_bill),
+        difference(row.bill, row.baseline_bill, -1, absolute=False),
         Text(f" {remark}", style=style),
     )
 

@@ -113,54 +113,59 @@ class Desk:
 
     # ---------------------------------------------------------------- joining and leaving
 
-    def _join(self, wish: JoinRequest) -> JoinReply:
+    def _join(self, request: JoinRequest) -> JoinReply:
         if self.clock.pace.state == "ended":
             raise _No("ended", "the market is over")
-        if (wish.role == "grid") != (wish.agent == GRID) or (wish.role == "prosumer" and wish.agent in RESERVED):
+        if (request.role == "grid") != (request.agent == GRID) or (
+            request.role == "prosumer" and request.agent in RESERVED
+        ):
             raise _No(
-                "invalid", f"agent = {wish.agent}, role = {wish.role}: the grid agent, and only it, is called grid"
+                "invalid",
+                f"agent = {request.agent}, role = {request.role}: the grid agent, and only it, is called grid",
             )
-        if wish.vacancy and wish.role == "prosumer":
+        if request.vacancy and request.role == "prosumer":
             if self.clock.hub.agents:
                 raise _No("invalid", "vacancy = true: with certificates a process plays the agent that its own names")
-            wish = vacancy(self.clock, wish)
-        agent = self.clock.roster.get(wish.agent)
+            request = vacancy(self.clock, request)
+        agent = self.clock.roster.get(request.agent)
         if agent is None:
-            agent = self._admit(wish)
-        elif agent.presence == "present" and agent.instance != wish.instance:
-            raise _No("taken", f"agent = {wish.agent}: another process plays it; choose another id")
-        elif wish.homes is not None and tuple(wish.homes) != self._specs(agent):
+            agent = self._admit(request)
+        elif agent.presence == "present" and agent.instance != request.instance:
+            raise _No("taken", f"agent = {request.agent}: another process plays it; choose another id")
+        elif request.homes is not None and tuple(request.homes) != self._specs(agent):
             known = ", ".join(spec.id for spec in self._specs(agent))
-            raise _No("taken", f"agent = {wish.agent}: is in the market already, with the homes {known}")
-        if agent.instance != wish.instance:
+            raise _No("taken", f"agent = {request.agent}: is in the market already, with the homes {known}")
+        if agent.instance != request.instance:
             self._roster_changed = True
-        agent.bind(wish)
+        agent.bind(request)
         self.clock.hub.forget(agent.id)
-        self.clock.notes.note("info", "agent joins", agent=agent.id, policy=wish.policy, brought=agent.brought)
+        self.clock.notes.note("info", "agent joins", agent=agent.id, policy=request.policy, brought=agent.brought)
         return self._welcome(agent)
 
-    def _admit(self, wish: JoinRequest) -> Agent:
+    def _admit(self, request: JoinRequest) -> Agent:
         """A new agent with new homes: they count from the next slot on."""
         clock = self.clock
-        if not wish.homes:
+        if not request.homes:
             names = ", ".join(list(clock.roster.prosumers)[:10]) or "none"
             raise _No(
                 "unknown",
-                f"agent = {wish.agent}: not in the scenario, so it must bring homes; the scenario has {names}",
+                f"agent = {request.agent}: not in the scenario, so it must bring homes; the scenario has {names}",
             )
         taken = set(clock.market.homes) | {s.id for a in clock.roster.joining.values() for s in a.bringing}
-        if len(taken) + len(wish.homes) > clock.settings.max_homes:
-            raise _No("full", f"homes = {len(taken)} + {len(wish.homes)}: this market takes {clock.settings.max_homes}")
-        for i, spec in enumerate(wish.homes):
+        if len(taken) + len(request.homes) > clock.settings.max_homes:
+            raise _No(
+                "full", f"homes = {len(taken)} + {len(request.homes)}: this market takes {clock.settings.max_homes}"
+            )
+        for i, spec in enumerate(request.homes):
             if spec.id in taken:
                 raise _No("taken", f"homes.{i}.id = {spec.id}: is in the market already")
             taken.add(spec.id)
-            if spec.id != wish.agent and spec.id in clock.hub.agents:
+            if spec.id != request.agent and spec.id in clock.hub.agents:
                 raise _No(
                     "not_yours", f"homes.{i}.id = {spec.id}: is the name of another agent, which has a certificate"
                 )
-        clock.market.check(wish.homes)
-        agent = Agent(wish.agent, "prosumer", brought=True, bringing=wish.homes)
+        clock.market.check(request.homes)
+        agent = Agent(request.agent, "prosumer", brought=True, bringing=request.homes)
         clock.roster.joining[agent.id] = agent
         self._when_between_slots(lambda: self._enter(agent))
         return agent
@@ -171,12 +176,12 @@ class Desk:
         self.clock.roster.prosumers[agent.id] = agent
         self._roster_changed = True
 
-    def _leave(self, wish: LeaveRequest) -> LeaveReply:
-        agent = self.clock.roster.get(wish.agent)
+    def _leave(self, request: LeaveRequest) -> LeaveReply:
+        agent = self.clock.roster.get(request.agent)
         if agent is None:
-            raise _No("unknown", f"agent = {wish.agent}: not in the market")
-        if agent.instance != wish.instance:
-            raise _No("not_yours", f"agent = {wish.agent}: only the process that plays it can take it out")
+            raise _No("unknown", f"agent = {request.agent}: not in the market")
+        if agent.instance != request.instance:
+            raise _No("not_yours", f"agent = {request.agent}: only the process that plays it can take it out")
         if agent.role == "grid":
             raise _No("invalid", "agent = grid: the market cannot be without its grid agent")
         self._when_between_slots(lambda: self._exit(agent))
@@ -255,33 +260,35 @@ class Desk:
 
     # ---------------------------------------------------------------- operators
 
-    def _control(self, wish: ControlRequest, query: Query) -> bytes | None:
-        if wish.command == "speed" and wish.speed is None:
+    def _control(self, request: ControlRequest, query: Query) -> bytes | None:
+        if request.command == "speed" and request.speed is None:
             raise WireError("speed: needs a number: times faster than real time, 0 for as fast as answers come")
-        if wish.command == "stop":
+        if request.command == "stop":
             self.clock.pace.end()
-        elif wish.command != "status":
+        elif request.command != "status":
             if len(self._changes) >= CHANGES_LIMIT:
-                raise _No("unavailable", f"command = {wish.command}: {CHANGES_LIMIT} changes wait for the slot to end")
-            if not self._when_between_slots(lambda: self._steer(wish)):
+                raise _No(
+                    "unavailable", f"command = {request.command}: {CHANGES_LIMIT} changes wait for the slot to end"
+                )
+            if not self._when_between_slots(lambda: self._steer(request)):
                 # Who is told of a pause finds the market standing still, with its last slot in the journal.
-                self._steered.append(_Steered(query, wish.homes, time.monotonic() + STEERED_S))
+                self._steered.append(_Steered(query, request.homes, time.monotonic() + STEERED_S))
                 return None
-        return encode(status(self.clock, homes=wish.homes))
+        return encode(status(self.clock, homes=request.homes))
 
-    def _steer(self, wish: ControlRequest) -> None:
+    def _steer(self, request: ControlRequest) -> None:
         pace, now = self.clock.pace, time.monotonic()
-        if wish.command == "pause":
+        if request.command == "pause":
             pace.pause()
-        elif wish.command == "resume":
+        elif request.command == "resume":
             pace.start(now)
-        elif wish.command == "step":
-            pace.step(wish.slots, now)
-        elif wish.speed is not None:
-            pace.set_speed(wish.speed, now)
+        elif request.command == "step":
+            pace.step(request.slots, now)
+        elif request.speed is not None:
+            pace.set_speed(request.speed, now)
 
     def answer_overdue(self) -> None:
-        """Answer operators whose wish takes long to take effect, such as in a slot with an agent that hangs."""
+        """Answer operators whose request takes long to take effect, such as in a slot with an agent that hangs."""
         if self._steered:
             self._answer_steered(time.monotonic())
 
@@ -299,10 +306,10 @@ class Desk:
 
     def history(self, payload: bytes) -> bytes:
         """Settled slots from a position on; runs beside the market, in a thread of its own."""
-        wish = decode(HistoryRequest, payload)
-        records = self.clock.run.records(since=wish.since, limit=wish.limit)
-        slots = tuple(settled_slot(self.clock, record, homes=wish.homes) for record in records)
-        following = slots[-1].position + 1 if slots else wish.since
+        request = decode(HistoryRequest, payload)
+        records = self.clock.run.records(since=request.since, limit=request.limit)
+        slots = tuple(settled_slot(self.clock, record, homes=request.homes) for record in records)
+        following = slots[-1].position + 1 if slots else request.since
         return encode(HistoryReply(run=self.clock.hub.keys.run, next=following, slots=slots))
 
 

@@ -1,4 +1,4 @@
-"""The environment of the live market: its homes, what the day brings them, and the twin without demand response."""
+"""The environment of the live market: its homes, what the day brings them, and the baseline without demand response."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from zengrid.core.home import battery_step
 from zengrid.core.settle import Prepared, conclude, prepare, settle
 from zengrid.core.state import Action, Exogenous, Settlement
 from zengrid.errors import SettlementError
-from zengrid.journal.record import Twin
+from zengrid.journal.record import BaselineSlot
 from zengrid.scenario import homes_params
 
 if TYPE_CHECKING:
@@ -23,14 +23,15 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 
-TWIN_VALUES = 10_000
-"""How many slots of the twin are settled at once: so many values of one column, and no more than profiles are there."""
+BASELINE_VALUES = 10_000
+"""How many slots of the baseline are settled at once: so many values of one column, and no more than there are
+profiles."""
 DAYS_AHEAD = 32
 VALUES_AHEAD = 100_000
 """How many days are generated at once: so many, or so many values of one column, whichever is less."""
 
 
-NO_TWIN = Twin(*np.zeros((4, 0, 0)))
+NO_BASELINE = BaselineSlot(*np.zeros((4, 0, 0)))
 
 
 class LastSlot(NamedTuple):
@@ -57,7 +58,7 @@ class LastSlot(NamedTuple):
 class LiveMarket:
     """One market, slot after slot, with homes that come and go.
 
-    Beside the real market runs its twin without demand response: the same homes on the same days under the
+    Beside the real market runs its baseline without demand response: the same homes on the same days under the
     conventional rule and price.
     """
 
@@ -68,8 +69,8 @@ class LiveMarket:
         self._ahead = self._profile = Exogenous(*np.zeros((4, 0)))
         self._ahead_from = 0
         """Its first day."""
-        self._twin = NO_TWIN
-        self._twin_from = 0, 0
+        self._baseline = NO_BASELINE
+        self._baseline_from = 0, 0
         """The first day and slot that were settled ahead."""
         self.agents: dict[str, slice] = {}
         self.specs: list[HomeSpec] = list(scenario.homes)
@@ -80,7 +81,7 @@ class LiveMarket:
             self.agents[agent.id] = slice(start, start + len(agent.homes))
             start += len(agent.homes)
         initial = self.market.homes.soc_initial
-        self.soc, self.conventional_soc = initial.copy(), initial.copy()
+        self.soc, self.baseline_soc = initial.copy(), initial.copy()
         self.last: LastSlot | None = None
 
     @property
@@ -93,7 +94,7 @@ class LiveMarket:
         self.day, self.slot = day, slot
         if slot == 0 and self.scenario.soc_reset == "daily":
             initial = self.market.homes.soc_initial
-            self.soc, self.conventional_soc = initial.copy(), initial.copy()
+            self.soc, self.baseline_soc = initial.copy(), initial.copy()
         self._load_day()
 
     def _load_day(self) -> None:
@@ -125,25 +126,25 @@ class LiveMarket:
         """PV, loads and tariff of one slot of the current day."""
         return self._profile.slot(slot)
 
-    def twin(self, slot: int) -> Twin:
+    def baseline(self, slot: int) -> BaselineSlot:
         """The coming slot without demand response."""
-        day, within = self.day - self._twin_from[0], slot - self._twin_from[1]
-        if not (0 <= day < self._twin.soc.shape[0] and 0 <= within < self._twin.soc.shape[1]):
-            self._settle_twin(slot)
+        day, within = self.day - self._baseline_from[0], slot - self._baseline_from[1]
+        if not (0 <= day < self._baseline.soc.shape[0] and 0 <= within < self._baseline.soc.shape[1]):
+            self._settle_baseline(slot)
             day = within = 0
-        return Twin(*(column[day, within] for column in self._twin))
+        return BaselineSlot(*(column[day, within] for column in self._baseline))
 
-    def _settle_twin(self, slot: int) -> None:
-        """Settle the twin from this slot on: it depends on no answer, and many slots cost little more than one."""
-        slots = min(self.slots_per_day - slot, max(TWIN_VALUES // max(len(self.homes), 1), 1))
+    def _settle_baseline(self, slot: int) -> None:
+        """Settle the baseline from this slot on: it depends on no answer, and many slots cost little more than one."""
+        slots = min(self.slots_per_day - slot, max(BASELINE_VALUES // max(len(self.homes), 1), 1))
         days = self._profile.part(np.newaxis)
         if slot == 0 and self.homes == self.scenario.home_ids:
             first = self.day - self._ahead_from
-            days = self._ahead.part(slice(first, first + max(TWIN_VALUES // days.pv_kw.size, 1)))
+            days = self._ahead.part(slice(first, first + max(BASELINE_VALUES // days.pv_kw.size, 1)))
         ahead = days.part((slice(None), slice(slot, slot + slots)))
         command = conventional(ahead.pv_kw, ahead.load_kw, self.market.homes)
         soc = np.empty_like(command)
-        start = np.broadcast_to(self.conventional_soc, command[:, 0].shape)
+        start = np.broadcast_to(self.baseline_soc, command[:, 0].shape)
         # Each round has one day more right, so that after as many rounds as days all of them are.
         for _ in range(len(command)):
             state = start
@@ -156,10 +157,10 @@ class LiveMarket:
             if np.array_equal(carried, start):
                 break
             start = carried
-        price = np.full(command.shape[:2], self.scenario.conventional_buy_price)
+        price = np.full(command.shape[:2], self.scenario.baseline_buy_price)
         settled = settle(soc, Action(price, command), ahead, self.market)
-        self._twin = Twin(settled.soc, settled.bill, settled.profit, settled.facility_kw)
-        self._twin_from = self.day, slot
+        self._baseline = BaselineSlot(settled.soc, settled.bill, settled.profit, settled.facility_kw)
+        self._baseline_from = self.day, slot
 
     def fallback(self, slot: int) -> Floats:
         """Commands for homes whose agent does not answer, from the conventional rule; a copy to write into."""
@@ -187,10 +188,10 @@ class LiveMarket:
             )
         return settled
 
-    def advance(self, settled: Settlement, twin: Twin) -> None:
+    def advance(self, settled: Settlement, baseline: BaselineSlot) -> None:
         """Continue from a settled (and journalled) slot."""
         self.slot += 1
-        self.soc, self.conventional_soc = settled.soc, twin.soc
+        self.soc, self.baseline_soc = settled.soc, baseline.soc
         self.last = LastSlot(
             settled.payment, settled.bill, settled.battery_kw, settled.injection_kw, settled.facility_cost,
             float(settled.demand_kw), float(settled.profit),
@@ -199,7 +200,7 @@ class LiveMarket:
     def restore(self, specs: Sequence[HomeSpec], agents: dict[str, slice], record: SlotRecord) -> None:
         """Go back to the state that a journal ends with."""
         self._set_homes(list(specs), agents)
-        self.soc, self.conventional_soc = record.soc.copy(), record.conventional_soc.copy()
+        self.soc, self.baseline_soc = record.soc.copy(), record.baseline_soc.copy()
         # The same product as in ``settle``, so that what agents see does not depend on where the clock was restarted.
         payment = np.maximum(record.injection_kw, 0.0) * (record.buy_price * self.scenario.dt_h)
         self.last = LastSlot(
@@ -214,7 +215,7 @@ class LiveMarket:
         self._set_homes([*self.specs, *specs], {**self.agents, agent: slice(count, count + len(specs))})
         initial = self.market.homes.soc_initial[count:]
         self.soc = np.concatenate([self.soc, initial])
-        self.conventional_soc = np.concatenate([self.conventional_soc, initial])
+        self.baseline_soc = np.concatenate([self.baseline_soc, initial])
         zeros = np.zeros(len(specs))
         if last is not None:
             self.last = last.with_homes(lambda old: np.concatenate([old, zeros]))
@@ -232,7 +233,7 @@ class LiveMarket:
             if name != agent
         }
         self._set_homes([self.specs[i] for i in keep], agents)
-        self.soc, self.conventional_soc = self.soc[keep], self.conventional_soc[keep]
+        self.soc, self.baseline_soc = self.soc[keep], self.baseline_soc[keep]
         if self.last is not None:
             self.last = self.last.with_homes(lambda old: old[keep])
         if self.day >= 0:
@@ -242,4 +243,4 @@ class LiveMarket:
         self.specs, self.agents = specs, agents
         self.homes = tuple(spec.id for spec in specs)
         self.market = self.market.with_homes(homes_params(specs))
-        self._twin = NO_TWIN
+        self._baseline = NO_BASELINE

@@ -91,7 +91,7 @@ class Observer:
             "homes": homes,
             "facility_cost": last.facility_cost if last is not None else np.zeros(self.market.market.facilities.count),
             "payment": payment if agent.observation == "paper" else None,
-            "payment_sum": float(np.add.reduce(payment)),
+            "payments": float(np.add.reduce(payment)),
             "demand_kw": last.demand_kw if last is not None else 0.0,
             "settled": self._settled_of(agent, {"reward": 0.0 if last is None else last.profit}),
         }

@@ -10,7 +10,7 @@ import numpy as np
 from zengrid.core.state import Exogenous, Settlement
 from zengrid.journal import Roster as RosterRecord
 from zengrid.journal import SlotRecord
-from zengrid.journal.record import Twin
+from zengrid.journal.record import BaselineSlot
 from zengrid.wire.slots import HomeColumns, SettledSlot
 from zengrid_clock.roster import GRID
 
@@ -22,7 +22,7 @@ class Played(NamedTuple):
     """A slot that was settled but is not in the journal yet."""
 
     settled: Settlement
-    twin: Twin
+    baseline: BaselineSlot
     exogenous: Exogenous
     day: int
     slot: int
@@ -45,7 +45,7 @@ def slot_record(clock: Clock, played: Played) -> SlotRecord:
         buy_price=clock.buy_price,
         exogenous=played.exogenous,
         settled=played.settled,
-        twin=played.twin,
+        baseline=played.baseline,
         fallback=fallback,
         grid_fallback=not clock.roster.grid.acted_last,
         roster_version=clock.desk.roster_version,
@@ -83,14 +83,14 @@ def public_slot(clock: Clock, record: SlotRecord) -> dict[str, Any]:
         "buy_price": record.buy_price,
         "sell_price": record.sell_price,
         "demand_kw": record.demand_kw,
-        "injection_kw": record.export_kw,
+        "export_kw": record.export_kw,
         "facility_kw": record.facility_kw,
         "facility_cost": record.facility_cost,
         "curtailed_kwh": (record.curtailed_kw + record.home_curtailed_kw) * dt_h,
         "unserved_kwh": (record.unserved_kw + record.home_unserved_kw) * dt_h,
         "homes": len(record.soc),
         "acted": [name for name in missed if not missed[name]],
-        "fell_back": [name for name in missed if missed[name]],
+        "fallback": [name for name in missed if missed[name]],
     }
 
 
@@ -98,8 +98,8 @@ def settled_slot(clock: Clock, record: SlotRecord, *, homes: bool) -> SettledSlo
     """A slot as operators see it, from the journal alone."""
     dt_h = clock.scenario.dt_h
     roster = clock.run.roster(record.roster_version)
-    fell_back = tuple(name for name, missed in zip(roster.homes, record.fallback, strict=True) if missed)
-    missed = set(fell_back)
+    fallback = tuple(name for name, missed in zip(roster.homes, record.fallback, strict=True) if missed)
+    missed = set(fallback)
     agents = {name: bool(mine) and mine[0] in missed for name, mine, _ in roster.agents}
     agents["grid"] = record.grid_fallback
     detail = None
@@ -112,9 +112,9 @@ def settled_slot(clock: Clock, record: SlotRecord, *, homes: bool) -> SettledSlo
             pv_kw=record.pv_kw,
             load_kw=record.load_kw,
             bill=record.bill,
-            conventional_soc=record.conventional_soc,
-            conventional_bill=record.conventional_bill,
-            fell_back=fell_back,
+            baseline_soc=record.baseline_soc,
+            baseline_bill=record.baseline_bill,
+            fallback=fallback,
         )
     return SettledSlot(
         run=clock.hub.keys.run,
@@ -127,16 +127,16 @@ def settled_slot(clock: Clock, record: SlotRecord, *, homes: bool) -> SettledSlo
         buy_price=record.buy_price,
         sell_price=record.sell_price,
         demand_kw=record.demand_kw,
-        injection_kw=record.export_kw,
+        export_kw=record.export_kw,
         facility_kw=record.facility_kw,
         facility_cost=record.facility_cost,
         curtailed_kwh=(record.curtailed_kw + record.home_curtailed_kw) * dt_h,
         unserved_kwh=(record.unserved_kw + record.home_unserved_kw) * dt_h,
         homes=len(roster.homes),
         acted=tuple(name for name, missing in agents.items() if not missing),
-        fell_back=tuple(name for name, missing in agents.items() if missing),
+        fallback=tuple(name for name, missing in agents.items() if missing),
         profit=record.profit,
-        conventional_profit=record.conventional_profit,
-        conventional_facility_kw=record.conventional_facility_kw,
+        baseline_profit=record.baseline_profit,
+        baseline_facility_kw=record.baseline_facility_kw,
         detail=detail,
     )

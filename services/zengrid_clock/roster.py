@@ -62,13 +62,13 @@ class Agent:
             return "away"
         return "absent" if self.misses >= MISSES_UNTIL_ABSENT else "present"
 
-    def bind(self, wish: JoinRequest) -> None:
+    def bind(self, request: JoinRequest) -> None:
         """Let a process speak for this agent."""
-        self.instance = wish.instance
+        self.instance = request.instance
         self.bound = time.monotonic()
-        self.policy = wish.policy
-        self.observation = wish.observation
-        self.encoding = wish.encoding
+        self.policy = request.policy
+        self.observation = request.observation
+        self.encoding = request.encoding
         # Deadlines that were missed still count: joining again must not make the market wait for a silent agent anew.
 
     def counted(self) -> None:

@@ -198,7 +198,7 @@ class Clock:
         barrier = self._open(moment, agents)
         # While they think: tell the world of the last slot, and get ready what this one needs.
         self._publish_last()
-        twin = self.market.twin(self.slot)
+        baseline = self.market.baseline(self.slot)
         command = self.market.fallback(self.slot)
         prepared = self.market.prepare(exogenous)
         self._collect(barrier)
@@ -209,12 +209,12 @@ class Clock:
         answered = time.perf_counter()
 
         settled = self.market.settle(prepared, Action(np.asarray(self.buy_price), command))
-        self.market.advance(settled, twin)
+        self.market.advance(settled, baseline)
         self.observer.settled(self.day, self.slot, self.buy_price)
         for agent in self.roster:
             agent.settled = True
         times_s = priced - began, answered - priced, time.perf_counter() - answered
-        self._played = Played(settled, twin, exogenous, self.day, self.slot, times_s)
+        self._played = Played(settled, baseline, exogenous, self.day, self.slot, times_s)
         self._advance()
 
     def _advance(self) -> None:
@@ -374,7 +374,7 @@ class Clock:
             self._take_action(event, barrier)
         elif event.kind in ("alive", "gone"):
             self._take_presence(event, barrier)
-        elif event.kind == "twin":
+        elif event.kind == "second_session":
             self.refused["second_session"] += 1
             self.notes.note("info", "second session refused", agent=event.agent)
         else:

@@ -66,7 +66,7 @@ def _count(clock: Clock, agent: str) -> int:
 def _homes(clock: Clock) -> HomesStatus:
     market, last = clock.market, clock.market.last
     zeros = np.zeros(len(market.homes))
-    bill, conventional_bill = clock.totals.bills(market.homes)
+    bill, baseline_bill = clock.totals.bills(market.homes)
     profile = market.profile(clock.slot) if market.day >= 0 else None
     return HomesStatus(
         homes=market.homes,
@@ -79,5 +79,5 @@ def _homes(clock: Clock) -> HomesStatus:
         pv_kw=zeros if profile is None else profile.pv_kw,
         load_kw=zeros if profile is None else profile.load_kw,
         bill=bill,
-        conventional_bill=conventional_bill,
+        baseline_bill=baseline_bill,
     )

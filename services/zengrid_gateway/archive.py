@@ -28,13 +28,13 @@ PORTION_VALUES = 50_000
 PORTION_SLOTS = 1000
 
 FIGURES = (
-    "position", "day", "slot", "buy_price", "sell_price", "demand_kw", "injection_kw", "curtailed_kwh", "unserved_kwh",
-    "profit", "conventional_profit",
+    "position", "day", "slot", "buy_price", "sell_price", "demand_kw", "export_kw", "curtailed_kwh", "unserved_kwh",
+    "profit", "baseline_profit",
 )  # fmt: skip
-FACILITIES = ("facility_kw", "facility_cost", "conventional_facility_kw")
+FACILITIES = ("facility_kw", "facility_cost", "baseline_facility_kw")
 HOMES = (
-    "soc", "battery_kw", "home_injection_kw", "pv_kw", "load_kw", "bill", "conventional_soc", "conventional_bill",
-    "fell_back",
+    "soc", "battery_kw", "injection_kw", "pv_kw", "load_kw", "bill", "baseline_soc", "baseline_bill",
+    "fallback",
 )  # fmt: skip
 
 
@@ -182,15 +182,15 @@ class Archive:
 
 
 def _part(block: Block, dt_h: float, homes: bool) -> Part:
-    columns = {name: block[name] for name in ("position", "day", "slot", "buy_price", "sell_price", "demand_kw")}
-    columns |= {name: block[name] for name in ("profit", "conventional_profit", *FACILITIES)}
-    columns["injection_kw"] = block["export_kw"]
+    columns = {
+        name: block[name] for name in ("position", "day", "slot", "buy_price", "sell_price", "demand_kw", "export_kw")
+    }
+    columns |= {name: block[name] for name in ("profit", "baseline_profit", *FACILITIES)}
     columns["curtailed_kwh"] = (block["curtailed_kw"] + block["home_curtailed_kw"]) * dt_h
     columns["unserved_kwh"] = (block["unserved_kw"] + block["home_unserved_kw"]) * dt_h
-    columns["grid_fell_back"] = block["grid_fallback"].astype(np.bool_)
+    columns["grid_fallback"] = block["grid_fallback"].astype(np.bool_)
     if homes:
-        columns |= {name: block[name] for name in HOMES if name not in ("home_injection_kw", "fell_back")}
-        columns["home_injection_kw"], columns["fell_back"] = block["injection_kw"], block["fallback"]
+        columns |= {name: block[name] for name in HOMES}
     return Part(block.roster.homes, columns)
 
 
@@ -209,7 +209,7 @@ def _ids(slot: SettledSlot) -> tuple[str, ...]:
 
 def _columns(slots: tuple[SettledSlot, ...], homes: bool) -> Part:
     columns = {name: np.array([getattr(slot, name) for slot in slots]) for name in (*FIGURES, *FACILITIES)}
-    columns["grid_fell_back"] = np.array(["grid" in slot.fell_back for slot in slots])
+    columns["grid_fallback"] = np.array(["grid" in slot.fallback for slot in slots])
     details = [slot.detail for slot in slots if slot.detail is not None]
     if homes:
         columns |= {name: np.array([_of_homes(detail, name) for detail in details]) for name in HOMES}
@@ -217,10 +217,10 @@ def _columns(slots: tuple[SettledSlot, ...], homes: bool) -> Part:
 
 
 def _of_homes(detail: HomeColumns, name: str) -> NDArray[Any]:
-    if name == "fell_back":
-        missed = set(detail.fell_back)
+    if name == "fallback":
+        missed = set(detail.fallback)
         return np.array([home in missed for home in detail.homes])
-    column: NDArray[Any] = getattr(detail, name.removeprefix("home_"))
+    column: NDArray[Any] = getattr(detail, name)
     return column
 
 

@@ -52,7 +52,7 @@ class Control(BaseModel):
     responses=documented("market-away", "forbidden", "refused", "length-required", "too-large", "invalid"),
     dependencies=[OPERATE],
 )
-async def control(link: Link, wish: Control) -> Response:
+async def control(link: Link, request: Control) -> Response:
     """Pause, go on, run some slots, or change the speed; answers how the market stands then."""
-    status = await link.control(wish.command, slots=wish.slots, speed=wish.speed)
+    status = await link.control(request.command, slots=request.slots, speed=request.speed)
     return Response(encode(status), media_type=JSON)

@@ -59,17 +59,17 @@ class MarketRow(BaseModel):
     buy_price: float = Field(description="[$/kWh]", examples=[0.07])
     sell_price: float = Field(description="[$/kWh]", examples=[0.095])
     demand_kw: float = Field(description="All that the grid sells [kW].", examples=[23.4])
-    injection_kw: float = Field(description="All that the homes export [kW].", examples=[3.1])
+    export_kw: float = Field(description="All that the homes export [kW].", examples=[3.1])
     base_kw: float = Field(description="Output of the first facility [kW].", examples=[20.0])
     reserve_kw: float = Field(description="Output of all other facilities [kW].", examples=[0.3])
-    conventional_base_kw: float = Field(description="The same without demand response [kW].", examples=[20.0])
-    conventional_reserve_kw: float = Field(description="The same without demand response [kW].", examples=[4.2])
+    baseline_base_kw: float = Field(description="The same without demand response [kW].", examples=[20.0])
+    baseline_reserve_kw: float = Field(description="The same without demand response [kW].", examples=[4.2])
     facility_cost: float = Field(description="[$]", examples=[0.71])
     curtailed_kwh: float = Field(description="Energy nobody could take [kWh].", examples=[0.0])
     unserved_kwh: float = Field(description="Demand nobody could meet [kWh].", examples=[0.0])
     profit: float = Field(description="Of the grid [$].", examples=[1.29])
-    conventional_profit: float = Field(description="Without demand response [$].", examples=[0.88])
-    grid_fell_back: bool | int = Field(description="Whether (how often) the grid did not answer.", examples=[False])
+    baseline_profit: float = Field(description="Without demand response [$].", examples=[0.88])
+    grid_fallback: bool | int = Field(description="Whether (how often) the grid did not answer.", examples=[False])
 
 
 class HomeRow(BaseModel):
@@ -87,9 +87,9 @@ class HomeRow(BaseModel):
     pv_kw: float = Field(description="[kW]", examples=[0.6])
     load_kw: float = Field(description="[kW]", examples=[0.9])
     bill: float = Field(description="[$]", examples=[-0.12])
-    conventional_soc: float = Field(description="The same without demand response [-].", examples=[0.9])
-    conventional_bill: float = Field(description="Without demand response [$].", examples=[0.01])
-    fell_back: bool | int = Field(description="Whether (how often) the fallback was used.", examples=[False])
+    baseline_soc: float = Field(description="The same without demand response [-].", examples=[0.9])
+    baseline_bill: float = Field(description="Without demand response [$].", examples=[0.01])
+    fallback: bool | int = Field(description="Whether (how often) the fallback was used.", examples=[False])
 
 
 class Page(BaseModel):

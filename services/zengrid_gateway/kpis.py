@@ -41,7 +41,7 @@ class Kpis(BaseModel):
 class Sums:
     """What a run of the journal adds up to; a longer run is read from where it was left."""
 
-    FIGURES = ("profit", "conventional_profit", "curtailed_kwh", "unserved_kwh")
+    FIGURES = ("profit", "baseline_profit", "curtailed_kwh", "unserved_kwh")
 
     def __init__(self) -> None:
         self.slots = 0
@@ -54,9 +54,9 @@ class Sums:
         for part in past.parts(self.slots, settled, homes=True):
             for name in self.FIGURES:
                 self._market[name] += float(part[name].sum())
-            for name in ("facility_kw", "conventional_facility_kw"):
+            for name in ("facility_kw", "baseline_facility_kw"):
                 self._market[name] += float(part[name][:, 1:].sum()) * past.dt_h
-            bills, conventional = part["bill"].sum(axis=0), part["conventional_bill"].sum(axis=0)
+            bills, conventional = part["bill"].sum(axis=0), part["baseline_bill"].sum(axis=0)
             for home, bill, other in zip(part.homes, bills.tolist(), conventional.tolist(), strict=True):
                 known = self._homes[home]
                 self._homes[home] = Kpi.of(known.value + bill, known.conventional + other)
@@ -65,11 +65,11 @@ class Sums:
         return Kpis(
             run=past.name,
             slots=self.slots,
-            profit=Kpi.of(market["profit"], market["conventional_profit"]),
+            profit=Kpi.of(market["profit"], market["baseline_profit"]),
             bills=Kpi.of(
                 sum(kpi.value for kpi in self._homes.values()), sum(kpi.conventional for kpi in self._homes.values())
             ),
-            reserve_kwh=Kpi.of(market["facility_kw"], market["conventional_facility_kw"]),
+            reserve_kwh=Kpi.of(market["facility_kw"], market["baseline_facility_kw"]),
             curtailed_kwh=market["curtailed_kwh"],
             unserved_kwh=market["unserved_kwh"],
             prosumers=dict(self._homes),
@@ -80,13 +80,13 @@ def of_status(status: Status) -> Kpis:
     """The running market's, as its clock tells them: homes that have left are in the sums alone."""
     totals, homes = status.totals, status.homes
     none = np.zeros(0)
-    ids, bills, conventional = ((), none, none) if homes is None else (homes.homes, homes.bill, homes.conventional_bill)
+    ids, bills, conventional = ((), none, none) if homes is None else (homes.homes, homes.bill, homes.baseline_bill)
     return Kpis(
         run=status.run,
         slots=totals.slots,
-        profit=Kpi.of(totals.profit, totals.conventional_profit),
-        bills=Kpi.of(totals.bills, totals.conventional_bills),
-        reserve_kwh=Kpi.of(totals.reserve_kwh, totals.conventional_reserve_kwh),
+        profit=Kpi.of(totals.profit, totals.baseline_profit),
+        bills=Kpi.of(totals.bills, totals.baseline_bills),
+        reserve_kwh=Kpi.of(totals.reserve_kwh, totals.baseline_reserve_kwh),
         curtailed_kwh=totals.curtailed_kwh,
         unserved_kwh=totals.unserved_kwh,
         prosumers={

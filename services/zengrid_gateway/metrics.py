@@ -64,7 +64,7 @@ def _market(status: Status) -> Iterator[Metric]:
         yield _gauge("zengrid_buy_price", "What the grid pays for exports [$/kWh].", status.last.buy_price)
         yield _gauge("zengrid_sell_price", "What the grid charges for imports [$/kWh].", status.last.sell_price)
         yield _gauge("zengrid_demand_kw", "All that the grid sells [kW].", status.last.demand_kw)
-        yield _gauge("zengrid_injection_kw", "All that the homes export [kW].", status.last.injection_kw)
+        yield _gauge("zengrid_export_kw", "All that the homes export [kW].", status.last.export_kw)
         output = GaugeMetricFamily("zengrid_facility_kw", "Output of each facility [kW].", labels=["facility"])
         for i, power in enumerate(status.last.facility_kw.tolist()):
             output.add_metric([str(i + 1)], power)
@@ -77,7 +77,7 @@ def _market(status: Status) -> Iterator[Metric]:
     ):
         family = GaugeMetricFamily(f"zengrid_{name}", text, labels=["case"])
         family.add_metric(["market"], getattr(totals, name))
-        family.add_metric(["conventional"], getattr(totals, f"conventional_{name}"))
+        family.add_metric(["baseline"], getattr(totals, f"baseline_{name}"))
         yield family
     yield _gauge("zengrid_curtailed_kwh", "Energy nobody could take [kWh].", totals.curtailed_kwh)
     yield _gauge("zengrid_unserved_kwh", "Demand nobody could meet [kWh].", totals.unserved_kwh)

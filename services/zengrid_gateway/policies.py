@@ -237,8 +237,8 @@ class Asker:
         return whole.model_copy(update={"actions": actions, "q_values": q_values})
 
     def _question(self, rows: tuple[tuple[float, ...], ...]) -> Callable[[Client], PolicyReply]:
-        wish = PolicyRequest(observations=rows, home=self._home)
-        return lambda client: client.ask_policy(self._agent.id, wish)
+        request = PolicyRequest(observations=rows, home=self._home)
+        return lambda client: client.ask_policy(self._agent.id, request)
 
     async def _ask_file(self, rows: tuple[tuple[float, ...], ...]) -> PolicyReply:
         agent = self._agent

@@ -33,7 +33,7 @@ class Prosumer(BaseModel):
     pv_kw: float = Field(examples=[0.6])
     load_kw: float = Field(examples=[0.9])
     bill: float = Field(description="Since the start of the run [$].", examples=[3.21])
-    conventional_bill: float = Field(description="The same without demand response [$].", examples=[5.4])
+    baseline_bill: float = Field(description="The same without demand response [$].", examples=[5.4])
     acted: int = Field(description="Slots in which its agent's action counted.", examples=[71])
     fallbacks: int = Field(description="Slots in which the fallback was used.", examples=[1])
     last_cause: str = Field(description="Why it last fell back, or empty.", examples=["deadline"])
@@ -96,7 +96,7 @@ def _prosumers(status: Status, chosen: Iterable[int]) -> Iterator[Prosumer]:
             pv_kw=homes.pv_kw[i],
             load_kw=homes.load_kw[i],
             bill=homes.bill[i],
-            conventional_bill=homes.conventional_bill[i],
+            baseline_bill=homes.baseline_bill[i],
             acted=agent.acted,
             fallbacks=agent.fallbacks,
             last_cause=agent.last_cause,

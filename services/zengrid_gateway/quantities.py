@@ -45,7 +45,7 @@ def present(status: Status, agent: str, home: str | None) -> dict[str, float]:
         now[f"facility_cost_{i + 1}"] = cost
     payments = [max(power, 0.0) * last.buy_price * last.dt_h for power in homes.injection_kw.tolist()]
     now |= {f"payment_{j + 1}": payment for j, payment in enumerate(payments)}
-    now["payment_sum"] = sum(payments)
+    now["payments"] = sum(payments)
     mine = [i for i, name in enumerate(homes.agents) if name == agent and home in (None, homes.homes[i])]
     if mine:
         now |= {name: float(getattr(homes, name)[mine[0]]) for name in ("soc", "pv_kw", "load_kw")}

@@ -67,15 +67,15 @@ async def spawners(link: Link) -> Spawners:
 async def start(
     link: Link,
     response: Response,
-    wish: NewProsumer,
+    prosumer: NewProsumer,
     idempotency_key: Annotated[
         str, Header(max_length=200, description="Chosen by the client: the same key again starts nothing again.")
     ] = "",
 ) -> StartedProsumer:
     """Add a home with a process of its own; it counts from the next slot on. Answers when it takes part."""
-    home = HomeSpec.model_validate(wish.model_dump(exclude={"policy"}))
-    request = SpawnRequest(home=home, policy=wish.policy, key=idempotency_key)
-    chosen = await _choose(link, home.id, wish.policy)
+    home = HomeSpec.model_validate(prosumer.model_dump(exclude={"policy"}))
+    request = SpawnRequest(home=home, policy=prosumer.policy, key=idempotency_key)
+    chosen = await _choose(link, home.id, prosumer.policy)
     process = await link.ask(lambda client: client.spawn(chosen, request))
     link.forget_homes()
     response.headers["location"] = f"/v1/prosumers/{home.id}"

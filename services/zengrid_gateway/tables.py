@@ -22,23 +22,23 @@ MEDIA_TYPES: dict[Format, str] = {
     "parquet": "application/vnd.apache.parquet",
 }
 _FIRST = ("position", "day", "slot", "hour")
-_LAST = ("soc", "conventional_soc", "homes")
+_LAST = ("soc", "baseline_soc", "homes")
 
 
 def market_table(part: Part, dt_h: float) -> Table:
     """One row a slot: prices, powers, energy, money."""
-    facility, conventional = part["facility_kw"], part["conventional_facility_kw"]
-    names = ("demand_kw", "injection_kw")
+    facility, conventional = part["facility_kw"], part["baseline_facility_kw"]
+    names = ("demand_kw", "export_kw")
     return {
         **_time(part, dt_h),
         **{name: part[name] for name in ("buy_price", "sell_price", *names)},
         "base_kw": facility[:, 0],
         "reserve_kw": facility[:, 1:].sum(axis=1),
-        "conventional_base_kw": conventional[:, 0],
-        "conventional_reserve_kw": conventional[:, 1:].sum(axis=1),
+        "baseline_base_kw": conventional[:, 0],
+        "baseline_reserve_kw": conventional[:, 1:].sum(axis=1),
         "facility_cost": part["facility_cost"].sum(axis=1),
-        **{name: part[name] for name in ("curtailed_kwh", "unserved_kwh", "profit", "conventional_profit")},
-        "grid_fell_back": part["grid_fell_back"],
+        **{name: part[name] for name in ("curtailed_kwh", "unserved_kwh", "profit", "baseline_profit")},
+        "grid_fallback": part["grid_fallback"],
     }
 
 
@@ -47,11 +47,11 @@ def home_table(part: Part, dt_h: float, home: str) -> Table:
     if home not in part.homes:
         return {}
     at = part.homes.index(home)
-    arrays = ("soc", "battery_kw", "pv_kw", "load_kw", "bill", "conventional_soc", "conventional_bill", "fell_back")
+    arrays = ("soc", "battery_kw", "pv_kw", "load_kw", "bill", "baseline_soc", "baseline_bill", "fallback")
     return {
         **_time(part, dt_h),
         **{name: part[name] for name in ("buy_price", "sell_price")},
-        "injection_kw": part["home_injection_kw"][:, at],
+        "injection_kw": part["injection_kw"][:, at],
         **{name: part[name][:, at] for name in arrays},
     }
 
@@ -80,7 +80,7 @@ def resampled(table: Table, slots: int) -> Table:
             coarse[name] = column[starts]
         elif name in _LAST:
             coarse[name] = column[ends]
-        elif name.endswith("fell_back"):
+        elif name.endswith("fallback"):
             coarse[name] = np.add.reduceat(column.astype(np.int64), starts)
         else:
             sums = np.add.reduceat(column, starts)

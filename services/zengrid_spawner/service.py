@@ -41,7 +41,7 @@ Inbox = SimpleQueue[SpawnerEvent | Literal["child", "end"]]
 class Child:
     """A process, and who waits to hear of it."""
 
-    wish: SpawnRequest
+    request: SpawnRequest
     starts: int = 0
     stopping: bool = False
     given_up: bool = False
@@ -127,13 +127,13 @@ class Spawner:
         except (WireError, PolicyError) as error:
             query.refuse("invalid", str(error))
 
-    def _spawn(self, wish: SpawnRequest, query: Query) -> None:
+    def _spawn(self, request: SpawnRequest, query: Query) -> None:
         """Start a process; the answer follows when it takes part, or has failed."""
-        name = wish.home.id
-        known = self._children.get(self._keys.get(wish.key, "")) if wish.key else None
+        name = request.home.id
+        known = self._children.get(self._keys.get(request.key, "")) if request.key else None
         if known is not None:
-            if known.wish != wish:
-                query.refuse("taken", f"key = {wish.key}: was used for another request; choose a new one")
+            if known.request != request:
+                query.refuse("taken", f"key = {request.key}: was used for another request; choose a new one")
                 return
             known.asked.append(query)
             self._answer_if_ready(known)
@@ -142,14 +142,14 @@ class Spawner:
         if refusal is not None:
             query.refuse(*refusal)
             return
-        spec = self._spec(wish)
-        if wish.key:
-            self._keys[wish.key] = name
+        spec = self._spec(request)
+        if request.key:
+            self._keys[request.key] = name
             if len(self._keys) > KEYS:
                 self._keys.popitem(last=False)
-        child = self._children[name] = Child(wish, asked=[query], answer_at=time.monotonic() + ANSWER_S)
+        child = self._children[name] = Child(request, asked=[query], answer_at=time.monotonic() + ANSWER_S)
         self._supervisor.start(spec)
-        logs.say(f"{name}: started for a request ({wish.policy}, {child.wish.home.pv_kw:g} kW PV)", agent=name)
+        logs.say(f"{name}: started for a request ({request.policy}, {child.request.home.pv_kw:g} kW PV)", agent=name)
 
     def _refusal(self, name: str) -> tuple[RefusalReason, str] | None:
         """Why a process of this name cannot be started."""
@@ -174,23 +174,23 @@ class Spawner:
             )
         return None
 
-    def _stop(self, wish: StopRequest, query: Query) -> None:
+    def _stop(self, request: StopRequest, query: Query) -> None:
         """End a process; the answer follows when it has gone."""
-        child = self._children.get(wish.id)
+        child = self._children.get(request.id)
         if child is None:
             names = ", ".join(list(self._children)[:10]) or "none"
             query.refuse(
-                "unknown", f"id = {wish.id}: not a process of spawner {self.settings.name}, which runs {names}"
+                "unknown", f"id = {request.id}: not a process of spawner {self.settings.name}, which runs {names}"
             )
             return
         child.stopping = True
         child.asked_to_stop.append(query)
-        self._supervisor.stop(wish.id)
-        if not self._supervisor.alive([wish.id]):
-            self._forget(wish.id)
+        self._supervisor.stop(request.id)
+        if not self._supervisor.alive([request.id]):
+            self._forget(request.id)
 
     def _answer_if_ready(self, child: Child) -> None:
-        if child.wish.home.id in self._present or child.given_up:
+        if child.request.home.id in self._present or child.given_up:
             self._answer(child)
 
     def _answer(self, child: Child) -> None:
@@ -204,7 +204,7 @@ class Spawner:
 
     def _why(self, child: Child) -> str:
         """What a process that was given up has said."""
-        name = child.wish.home.id
+        name = child.request.home.id
         words = self._supervisor.last_words(name)
         return (
             words[-1].removeprefix("zengrid prosumer: ") if words else f"id = {name}: its process ended without a word"
@@ -212,8 +212,8 @@ class Spawner:
 
     # ---------------------------------------------------------------- processes
 
-    def _spec(self, wish: SpawnRequest) -> ProcessSpec:
-        it, home = self.settings, wish.home
+    def _spec(self, request: SpawnRequest) -> ProcessSpec:
+        it, home = self.settings, request.home
         certs = () if it.certs is None else ("--certs", str(it.certs))
         bus = ("--connect", it.endpoint, "--run", it.run, *certs)
         words = (
@@ -223,7 +223,7 @@ class Spawner:
             "--home",
             home.model_dump_json(),
             "--policy",
-            it.policy(wish.policy),
+            it.policy(request.policy),
             *bus,
         )
         return ProcessSpec(
@@ -292,11 +292,11 @@ class Spawner:
         )
 
     def _process(self, child: Child) -> ProcessStatus:
-        name = child.wish.home.id
+        name = child.request.home.id
         pid = self._supervisor.pid(name)
         return ProcessStatus(
             id=name,
-            policy=child.wish.policy,
+            policy=child.request.policy,
             pid=pid,
             state=self._state(child, pid),
             restarts=max(child.starts - 1, 0),
@@ -311,4 +311,4 @@ class Spawner:
             return "stopping"
         if pid is None:
             return "restarting"
-        return "running" if child.wish.home.id in self._present else "starting"
+        return "running" if child.request.home.id in self._present else "starting"

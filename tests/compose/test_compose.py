@@ -57,8 +57,8 @@ from zengrid.wire.requests import JoinRequest
 keys = Keys("main")
 with open_client("tls/clock:7447", credentials=Credentials(Path("/certs"), "p1"), timeout_s=60.0) as session:
     for key in (keys.join("p1"), keys.join("p2")):
-        wish = JoinRequest(agent="p2", role="prosumer", instance="0123456789abcdef")
-        for answer in session.get(key, payload=encode(wish), encoding=JSON, timeout=5.0):
+        request = JoinRequest(agent="p2", role="prosumer", instance="0123456789abcdef")
+        for answer in session.get(key, payload=encode(request), encoding=JSON, timeout=5.0):
             print(key, answer.err.payload.to_string())
 """
 """Has the certificate of p1, and asks to play p2: under its own key, and under the other's."""
@@ -203,9 +203,9 @@ def test_with_certificates_nobody_else_gets_in(docker: dict[str, str], compose: 
         assert "p4.pem: no such file" in outsider(stack, *home, *authority, certs="p1")
 
         # With another's: whoever it is of plays on, and each attempt is counted.
-        twin = ("prosumer", "--id", "p1", "--timeout", "10", *authority)
-        assert "another process plays it" in outsider(stack, *twin, certs="p1")
-        stack.wait(lambda: refusals(stack, "join_taken") and refusals(stack, "second_session"), "refusals of a twin")
+        second = ("prosumer", "--id", "p1", "--timeout", "10", *authority)
+        assert "another process plays it" in outsider(stack, *second, certs="p1")
+        stack.wait(lambda: refusals(stack, "join_taken") and refusals(stack, "second_session"), "refusals of a second")
         answers = outsider(stack, "-c", INTRUDER, certs="p1", program="python")
         assert "not_yours" in answers
         assert "clock/join/p2" not in answers, "what is asked under another's key is answered by nobody"

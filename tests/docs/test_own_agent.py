@@ -30,7 +30,7 @@ def test_it_plays_a_home_of_the_scenario_and_earns_more_than_without_demand_resp
             assert audit(run) == []
             home = run.home("p1")
             assert not home["fallback"].any()
-            assert home["bill"].sum() < home["conventional_bill"].sum()
+            assert home["bill"].sum() < home["baseline_bill"].sum()
 
 
 def test_it_brings_a_home_and_takes_it_out_again() -> None:

@@ -55,7 +55,7 @@ def without(agent: str, market: Market) -> PublicSlot:
     """Wait for a slot in which all but one agent acted."""
     rest = {"grid", *PAPER} - {agent}
     return market.wait_for_slot(
-        lambda slot: agent in slot.fell_back and rest <= set(slot.acted), missing=f"a slot without {agent}"
+        lambda slot: agent in slot.fallback and rest <= set(slot.acted), missing=f"a slot without {agent}"
     )
 
 
@@ -174,9 +174,9 @@ def test_the_clock_keeps_its_locks_on_the_journal(market: Market) -> None:
 
 
 def test_a_second_process_of_the_same_name_is_refused(market: Market) -> None:
-    twin = market.start_prosumer("p1", name="twin")
-    assert twin.end() == 1
-    assert "agent = p1: another process plays it" in twin.said()
+    second = market.start_prosumer("p1", name="second")
+    assert second.end() == 1
+    assert "agent = p1: another process plays it" in second.said()
     market.wait_for_slot(lambda slot: set(PAPER) <= set(slot.acted), missing="a slot of everyone")
     settled(market)
 

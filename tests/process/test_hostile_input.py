@@ -148,14 +148,14 @@ def test_joins_that_cannot_be_are_refused_at_once(market: Market, payload: Calla
 def test_a_silent_agent_that_joins_again_and_again_is_not_waited_for(market: Market) -> None:
     """It would else reset the count of its missed deadlines with each join."""
     agent, instance = "p5", secrets.token_hex(8)
-    wish = JoinRequest.model_validate_json(joins(agent, [home(agent)])).model_copy(update={"instance": instance})
+    request = JoinRequest.model_validate_json(joins(agent, [home(agent)])).model_copy(update={"instance": instance})
 
     def presence(status: Any) -> str:
         return next((each.presence for each in status.agents if each.id == agent), "away")
 
     before = refusals(market).get("join_unavailable", 0)
     with AgentLink(agent, market.run, market.endpoint, certs=market.certs) as link:
-        link.join(wish)
+        link.join(request)
         link.ready()
         market.wait_for_status(lambda status: presence(status) == "absent", missing="the silent agent given up")
         ended = threading.Event()
@@ -163,7 +163,7 @@ def test_a_silent_agent_that_joins_again_and_again_is_not_waited_for(market: Mar
         def join_again() -> None:
             with session_of(market, agent) as session:
                 while not ended.is_set():
-                    session.get(market.client.keys.join(agent), payload=encode(wish), encoding=JSON, timeout=0.2)
+                    session.get(market.client.keys.join(agent), payload=encode(request), encoding=JSON, timeout=0.2)
                     ended.wait(0.05)
 
         joining = threading.Thread(target=join_again)
@@ -188,23 +188,23 @@ def test_a_silent_agent_that_joins_again_and_again_is_not_waited_for(market: Mar
 def test_joining_again_as_before_writes_no_roster(market: Market) -> None:
     agent = "p6" if market.certs is None else "p4"
     homes = [home(agent), *(home(f"{agent}-{i}") for i in range(200))]
-    wish = JoinRequest.model_validate_json(joins(agent, homes))
+    request = JoinRequest.model_validate_json(joins(agent, homes))
 
     def rosters() -> int:
         with Journal.open(market.journal, read_only=True) as journal:
             return len(journal.run().rosters())
 
     with AgentLink(agent, market.run, market.endpoint, certs=market.certs) as link:
-        link.join(wish)
+        link.join(request)
         link.ready()
         market.wait_for_slot(lambda slot: slot.homes == len(PAPER) + len(homes), missing="a slot with its homes")
         market.wait_for_slots(2)
         known = rosters()
         for _ in range(5):
-            link.join(wish)
+            link.join(request)
             market.wait_for_slots(1)
         assert rosters() == known
-        link.leave(wish.instance)
+        link.leave(request.instance)
     market.wait_for_slot(lambda slot: slot.homes == len(PAPER), missing="a slot without them")
 
 

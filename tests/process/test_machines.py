@@ -77,7 +77,7 @@ def test_agents_elsewhere_take_part_fall_back_when_cut_off_and_return(
 
         hosts.cut("west")
         market.wait_for_slot(
-            lambda slot: "p1" in slot.fell_back and everyone - {"p1"} <= set(slot.acted), 60, "a slot without p1"
+            lambda slot: "p1" in slot.fallback and everyone - {"p1"} <= set(slot.acted), 60, "a slot without p1"
         )
         # Until the cable's end is noticed p1 is waited for; after that the others play at their own pace.
         market.wait_for_status(
@@ -90,7 +90,7 @@ def test_agents_elsewhere_take_part_fall_back_when_cut_off_and_return(
         hosts.cut("east")
         gone = {"p2", "p4"} | ({"p1"} if through == "router" else set())
         market.wait_for_slot(
-            lambda slot: gone <= set(slot.fell_back) and everyone - gone <= set(slot.acted),
+            lambda slot: gone <= set(slot.fallback) and everyone - gone <= set(slot.acted),
             60,
             f"a slot without {gone}",
         )

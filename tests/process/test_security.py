@@ -69,7 +69,7 @@ def check_books(market: Market) -> None:
         for block in run.blocks():
             assert set(block["buy_price"].tolist()) == {0.05}
             honest = [block.roster.homes.index(name) for name in PAPER]
-            assert block["bill"][:, honest].tobytes() == block["conventional_bill"][:, honest].tobytes()
+            assert block["bill"][:, honest].tobytes() == block["baseline_bill"][:, honest].tobytes()
         times = np.concatenate([block["settled_at"] for block in run.blocks(homes=False)])
         assert float(np.diff(times).max()) < DEADLINE_S + SLACK_S, "the market was held up"
 
@@ -203,7 +203,7 @@ def test_what_is_forged_reaches_nobody(market: Market) -> None:
             session.liveliness().declare_token(key) for key in (keys.alive("p2"), keys.alive("p9"), keys.clock_alive)
         ]
         market.processes["p2"].kill()
-        market.wait_for_slot(lambda slot: "p2" in slot.fell_back, missing="a slot without p2")
+        market.wait_for_slot(lambda slot: "p2" in slot.fallback, missing="a slot without p2")
         latest = market.last
         assert latest is not None
         price = GridAction(run=market.run, day=latest.day, slot=0, instance="0123456789abcdef", buy_price=0.1)
@@ -242,11 +242,11 @@ def test_an_agent_can_only_ask_for_itself_and_what_it_tries_is_counted(market: M
         assert ask(session, keys.join("p5"), joins("p5", home)) == [], "under another's key: stopped on the way"
         assert ask(session, keys.leave("p1"), LeaveRequest(agent="p1", instance="0123456789abcdef")) == []
 
-        def refused(key: str, wish: Message, cause: str) -> None:
+        def refused(key: str, request: Message, cause: str) -> None:
             before = refusals(market).get(cause, 0)
             until = time.monotonic() + 20
             # Whoever asks more often than 20 times a second is not always heard.
-            while not (answers := ask(session, key, wish)):
+            while not (answers := ask(session, key, request)):
                 assert time.monotonic() < until, f"{cause}: no answer"
             (answer,) = answers
             assert answer.err is not None
@@ -288,8 +288,8 @@ def test_a_member_that_cheats_and_floods_gains_nothing_and_delays_nobody(market:
     keys, instance = Keys(market.run), secrets.token_hex(8)
     home = HomeSpec.model_validate({"id": "p4", "pv_kw": 3, "battery": {"capacity_kwh": 5}})
     with AgentLink("p4", market.run, market.endpoint, certs=market.certs) as link:
-        wish = JoinRequest(agent="p4", role="prosumer", instance=instance, homes=(home,))
-        assert link.join(wish).homes == link.join(wish).homes, "joining twice changes nothing"
+        request = JoinRequest(agent="p4", role="prosumer", instance=instance, homes=(home,))
+        assert link.join(request).homes == link.join(request).homes, "joining twice changes nothing"
         link.ready()
         before = refusals(market)
         first = market.wait_for_slots(1).position
@@ -309,7 +309,7 @@ def test_a_member_that_cheats_and_floods_gains_nothing_and_delays_nobody(market:
                     )
                     link.act(b"x" * 100_000, JSON)
                 for _ in range(50):
-                    other.get(keys.join("p4"), payload=encode(wish), timeout=0.2)
+                    other.get(keys.join("p4"), payload=encode(request), timeout=0.2)
                     other.liveliness().declare_token(keys.alive("p4")).undeclare()
         assert market.wait_for_slots(5).position > first + 5
         counted = refusals(market)

@@ -30,7 +30,7 @@ def record(homes: int, position: int = 0, version: int = 1, seed: int = 0) -> Sl
     slot: Slot = seeded(rng, homes)
     settled = settle(slot.soc, slot.action, slot.exogenous, slot.market)
     command = conventional(slot.exogenous.pv_kw, slot.exogenous.load_kw, slot.market.homes)
-    twin = settle(slot.soc, Action(np.asarray(0.05), command), slot.exogenous, slot.market)
+    baseline = settle(slot.soc, Action(np.asarray(0.05), command), slot.exogenous, slot.market)
     return SlotRecord.of(
         position=position,
         day=position // SLOTS_PER_DAY,
@@ -39,7 +39,7 @@ def record(homes: int, position: int = 0, version: int = 1, seed: int = 0) -> Sl
         buy_price=float(slot.action.buy_price),
         exogenous=slot.exogenous,
         settled=settled,
-        twin=twin,
+        baseline=baseline,
         fallback=rng.random(homes) < 0.3,
         grid_fallback=bool(rng.random() < 0.3),
         roster_version=version,

@@ -82,7 +82,7 @@ def grid_view(slot: int = 0, day: DayNumber = 0, homes: int = 3, payment: Floats
         dt_h=1.0,
         facility_cost=np.broadcast_to([0.6, 3.3], (*lead, 2)),
         payment=payment,
-        payment_sum=total,
+        payments=total,
         homes=homes,
         demand_kw=np.full(lead, 21.0),
         sell_price=np.full(lead, 0.095),

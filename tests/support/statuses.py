@@ -44,22 +44,22 @@ def status(sizes: Sequence[int] = (1, 1, 1), scale: float = 1.0, **changes: Any)
         pv_kw=scale * 2.0 * ramp,
         load_kw=scale * (ramp + 0.5),
         bill=scale * (ramp - 1.0),
-        conventional_bill=scale * ramp,
+        baseline_bill=scale * ramp,
     )
     last = SettledSlot(
         run="main", day=2, slot=14, position=62, hour=14.0, dt_h=1.0, state="running", buy_price=0.07, sell_price=0.095,
-        demand_kw=23.4 * scale, injection_kw=4.2 * scale, facility_kw=np.array([19.2, 0.5]) * scale,
+        demand_kw=23.4 * scale, export_kw=4.2 * scale, facility_kw=np.array([19.2, 0.5]) * scale,
         facility_cost=np.array([1.0, 0.2]), curtailed_kwh=0.0, unserved_kwh=0.25 * scale, homes=homes,
-        acted=tuple(names), fell_back=(), profit=1.5 * scale, conventional_profit=1.2 * scale,
-        conventional_facility_kw=np.array([20.0, 1.0]) * scale, detail=None,
+        acted=tuple(names), fallback=(), profit=1.5 * scale, baseline_profit=1.2 * scale,
+        baseline_facility_kw=np.array([20.0, 1.0]) * scale, detail=None,
     )  # fmt: skip
     grid = agent("grid", 0, role="grid", policy="fixed")
     fields: dict[str, Any] = {
         "run": "main", "scenario": "paper", "seed": 1, "state": "running", "speed": 0.0, "day": 2, "slot": 15,
         "slots_per_day": 24, "dt_h": 1.0, "days": 7, "slots_per_s": 912.3, "last": last,
         "totals": Totals(
-            slots=63, profit=137.0 * scale, conventional_profit=100.0 * scale, bills=62.0 * scale,
-            conventional_bills=100.0 * scale, reserve_kwh=70.0 * scale, conventional_reserve_kwh=100.0 * scale,
+            slots=63, profit=137.0 * scale, baseline_profit=100.0 * scale, bills=62.0 * scale,
+            baseline_bills=100.0 * scale, reserve_kwh=70.0 * scale, baseline_reserve_kwh=100.0 * scale,
             curtailed_kwh=0.0, unserved_kwh=0.0,
         ),
         "refused": {}, "journal_waits": 0, "journal_wait_s": 0.0, "latency": latency(),

@@ -65,8 +65,8 @@ export async function draw() {
     steps(rows, (row) => row.base_kw, "base", colour("base"), area(colour("base"))),
     steps(rows, (row) => row.reserve_kw, "reserve", colour("reserve"), area(colour("reserve"))),
     steps(rows, (row) => row.demand_kw, "demand", colour("text"), { line: { shape: "hv", width: 1.6, color: colour("text") } }),
-    steps(rows, (row) => row.injection_kw, "export", colour("export")),
-    steps(rows, (row) => row.conventional_base_kw + row.conventional_reserve_kw, "without", colour("muted"),
+    steps(rows, (row) => row.export_kw, "export", colour("export")),
+    steps(rows, (row) => row.baseline_base_kw + row.baseline_reserve_kw, "without", colour("muted"),
       { line: { shape: "hv", width: 1.6, dash: "dot", color: colour("muted") } }),
   ], { xaxis: time });
   react("c-soc", charted().flatMap(soc), { xaxis: time, yaxis: { range: [0, 100] } });
@@ -81,7 +81,7 @@ function soc(id) {
   });
   return [
     line("soc", id, { line: { width: 2.2, color: hue } }),
-    line("conventional_soc", `${id} without`, { line: { width: 1.4, dash: "dot", color: hue }, showlegend: false, hoverinfo: "skip", hovertemplate: undefined, opacity: 0.75 }),
+    line("baseline_soc", `${id} without`, { line: { width: 1.4, dash: "dot", color: hue }, showlegend: false, hoverinfo: "skip", hovertemplate: undefined, opacity: 0.75 }),
   ];
 }
 
@@ -93,7 +93,7 @@ export function drawBills(Plotly = window.Plotly) {
     hovertemplate: "$%{x:.2f}", ...extra,
   });
   Plotly.react("c-bills", [
-    bar("conventional_bill", "without demand response", { marker: { color: colour("base"), opacity: 0.55 } }),
+    bar("baseline_bill", "without demand response", { marker: { color: colour("base"), opacity: 0.55 } }),
     bar("bill", "now", { marker: { color: homes.map((home) => homeColour(place(home.id))) } }),
   ], layout({ barmode: "group", bargap: 0.28, hovermode: "y unified", legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom", traceorder: "reversed", font: { size: 12, color: colour("text") } }, xaxis: { tickprefix: "$", zerolinewidth: 2 }, yaxis: { rangemode: "normal", showgrid: false } }), config);
 }

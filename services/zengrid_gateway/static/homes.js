@@ -54,7 +54,7 @@ const missed = (fallbacks, cause) =>
 
 function gridRow(grid) {
   const totals = view.status.totals;
-  const delta = change(totals.profit, totals.conventional_profit);
+  const delta = change(totals.profit, totals.baseline_profit);
   const saved = element("span", { textContent: delta ? delta.text : "–" });
   if (delta && Math.abs(delta.fraction) > 0.0005) saved.dataset.good = delta.fraction > 0;
   const bill = element("span", {}, money(totals.profit), element("small", { textContent: " profit" }));
@@ -80,7 +80,7 @@ function homeRow(home, onToggle) {
     : element("small", { textContent: "none" });
   const meter = element("span", { textContent: signedKw(home.injection_kw) });
   if (tidy(home.injection_kw) > 0) meter.dataset.good = true;
-  const saving = home.conventional_bill - home.bill;
+  const saving = home.baseline_bill - home.bill;
   const saved = element("span", { textContent: money(saving) });
   if (Math.abs(saving) >= 0.005) saved.dataset.good = saving > 0;
   const line = row(home.id, [

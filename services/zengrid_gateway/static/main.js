@@ -88,7 +88,7 @@ function drawStatus() {
   if (slot) {
     drawTime(slot);
     drawPrice(slot, past.follow && past.span === 1 ? past.rows : []);
-    drawReserve(slot, slot.conventional_facility_kw, most());
+    drawReserve(slot, slot.baseline_facility_kw, most());
     drawSelling(slot, view.homes, view.total);
   }
   drawBetter(status.totals, status.slots_per_day);

@@ -16,7 +16,7 @@ const QUANTITIES = {
   load_kw: { name: "consumption", low: 0, high: 8, step: 0.1, show: kw },
   hour: { name: "time of day", low: 0, high: 23.75, step: 0.25, show: clock },
   demand_kw: { name: "demand", low: 0, high: 60, step: 0.5, show: kw },
-  payment_sum: { name: "paid to the homes", low: 0, high: 2, step: 0.01, show: (value) => `$${value.toFixed(2)}` },
+  payments: { name: "paid to the homes", low: 0, high: 2, step: 0.01, show: (value) => `$${value.toFixed(2)}` },
 };
 const known = (name) => QUANTITIES[name] ?? { name: name.replaceAll("_", " "), low: 0, high: 10, step: 0.1, show: (value) => value.toFixed(2) };
 let details = null;

@@ -32,7 +32,7 @@ export function drawSelling(slot, homes, total) {
   const selling = homes.filter((home) => net(home) > 0);
   const buying = homes.filter((home) => net(home) < 0);
   const all = homes.length === total;
-  text("selling", all ? count(selling.length) : kw(slot.injection_kw));
+  text("selling", all ? count(selling.length) : kw(slot.export_kw));
   text("selling-of", all ? `of ${count(total)} home${total === 1 ? "" : "s"}` : "");
   text("selling-text", all ? trade(selling.map(net), buying.map(net)) : `is what ${count(total)} homes sell together`);
   const shown = [...homes].sort((a, b) => Math.abs(net(b)) - Math.abs(net(a))).slice(0, SHOWN)
@@ -67,9 +67,9 @@ export function drawReserve(slot, conventional, most) {
   text("reserve-kw", on ? kw(reserve) : "");
   const without = conventional ? sum(conventional.slice(1)) : null;
   if (without !== null) text("reserve-text", compare(reserve, without));
-  const scale = Math.max(most || 0, base + reserve + slot.injection_kw, without === null ? 0 : sum(conventional), 1);
+  const scale = Math.max(most || 0, base + reserve + slot.export_kw, without === null ? 0 : sum(conventional), 1);
   const mark = without === null ? "" : `<span class="ghost" style="left:calc(${100 * sum(conventional) / scale}% - 1px)" title="without demand response"></span>`;
-  const parts = [["base", base], ["reserve", reserve], ["homes", slot.injection_kw]];
+  const parts = [["base", base], ["reserve", reserve], ["homes", slot.export_kw]];
   const shown = parts.filter(([name, power]) => name === "base" || tidy(power) > 0);
   $("supply").innerHTML = shown.map(([name, power]) => `<i class="${name}" style="width:${100 * power / scale}%"></i>`).join("") + mark;
   const supply = shown.map(([name, power]) => `${name} ${kw(power)}`).join(" + ");
@@ -86,9 +86,9 @@ function compare(reserve, without) {
 
 export function drawBetter(totals, slotsPerDay) {
   const figures = [
-    ["d-bills", change(totals.bills, totals.conventional_bills), -1],
-    ["d-profit", change(totals.profit, totals.conventional_profit), 1],
-    ["d-reserve", change(totals.reserve_kwh, totals.conventional_reserve_kwh, (kwh) => signedKw(kwh).replace("+", "") + "h"), -1],
+    ["d-bills", change(totals.bills, totals.baseline_bills), -1],
+    ["d-profit", change(totals.profit, totals.baseline_profit), 1],
+    ["d-reserve", change(totals.reserve_kwh, totals.baseline_reserve_kwh, (kwh) => signedKw(kwh).replace("+", "") + "h"), -1],
   ];
   const verdicts = figures.map(([id, delta, wanted]) => {
     text(id, delta === null ? "–" : delta.text);

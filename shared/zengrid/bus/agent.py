@@ -13,7 +13,7 @@ from typing import NamedTuple, Self
 import zenoh
 from zenoh import handlers
 
-from zengrid.bus.client import request
+from zengrid.bus.client import ask
 from zengrid.bus.credentials import Credentials
 from zengrid.bus.keys import Keys
 from zengrid.bus.session import DEFAULT_ENDPOINT, open_client
@@ -86,17 +86,17 @@ class AgentLink:
         self._closed.set()
         self._session.close()
 
-    def join(self, wish: JoinRequest, timeout_s: float = 10.0) -> JoinReply:
+    def join(self, request: JoinRequest, timeout_s: float = 10.0) -> JoinReply:
         """Take part; raises RefusedError with the clock's reason. Joining again with the same instance is harmless.
 
         Whoever asks for a vacancy is the agent that the reply names from then on.
         """
         self._await_clock()
-        self._encoding = BINARY if wish.encoding == "binary" else JSON
+        self._encoding = BINARY if request.encoding == "binary" else JSON
         until = time.monotonic() + timeout_s
         while True:
             try:
-                market = request(self._session, self.keys.join(self.agent), wish, JoinReply, ATTEMPT_S)
+                market = ask(self._session, self.keys.join(self.agent), request, JoinReply, ATTEMPT_S)
                 break
             except (BusError, RefusedError) as error:
                 # After a link was lost the clock's token can be back before its questions are; and a clock that is busy
@@ -161,12 +161,12 @@ class AgentLink:
 
     def scenario(self, timeout_s: float = 10.0) -> str:
         """The scenario that the market plays, as YAML."""
-        return request(self._session, self.keys.scenario, ScenarioRequest(), ScenarioReply, timeout_s).yaml
+        return ask(self._session, self.keys.scenario, ScenarioRequest(), ScenarioReply, timeout_s).yaml
 
     def leave(self, instance: str, timeout_s: float = 5.0) -> LeaveReply:
         """Take this agent's homes out of the market."""
-        wish = LeaveRequest(agent=self.agent, instance=instance)
-        return request(self._session, self.keys.leave(self.agent), wish, LeaveReply, timeout_s)
+        request = LeaveRequest(agent=self.agent, instance=instance)
+        return ask(self._session, self.keys.leave(self.agent), request, LeaveReply, timeout_s)
 
     def receive(self) -> Arrival | None:
         """Wait for an observation; None when the link was closed."""
@@ -199,8 +199,8 @@ class AgentLink:
         def on_query(query: zenoh.Query) -> None:
             with query:
                 try:
-                    wish = decode(PolicyRequest, query.payload.to_bytes() if query.payload else b"")
-                    query.reply(query.key_expr, encode(answer(wish)), encoding=JSON)
+                    request = decode(PolicyRequest, query.payload.to_bytes() if query.payload else b"")
+                    query.reply(query.key_expr, encode(answer(request)), encoding=JSON)
                 except ZengridError as error:
                     query.reply_err(encode(Refusal(reason="invalid", message=str(error))), encoding=JSON)
                 except Exception as error:  # noqa: BLE001 - the asker must get an answer, whatever went wrong

@@ -34,7 +34,7 @@ SPAWN_S = 20.0
 """Longest wait for a process to start or end; its spawner answers before."""
 
 
-def request(session: zenoh.Session, key: str, message: Message, kind: type[M], timeout_s: float) -> M:
+def ask(session: zenoh.Session, key: str, message: Message, kind: type[M], timeout_s: float) -> M:
     """Ask whoever answers on a key.
 
     Raises
@@ -93,21 +93,21 @@ class Client:
         homes: bool = True,
     ) -> Status:
         """Steer the market, or (``status``) only look."""
-        wish = ControlRequest(command=command, slots=slots, speed=speed, homes=homes)
-        return request(self.session, self.keys.control, wish, Status, self.timeout_s)
+        request = ControlRequest(command=command, slots=slots, speed=speed, homes=homes)
+        return ask(self.session, self.keys.control, request, Status, self.timeout_s)
 
     def history(self, since: int = 0, limit: int = 100, *, homes: bool = False) -> HistoryReply:
         """Settled slots from a position on."""
-        wish = HistoryRequest(since=since, limit=limit, homes=homes)
-        return request(self.session, self.keys.history, wish, HistoryReply, self.timeout_s)
+        request = HistoryRequest(since=since, limit=limit, homes=homes)
+        return ask(self.session, self.keys.history, request, HistoryReply, self.timeout_s)
 
     def scenario(self) -> str:
         """The scenario that the market plays, as YAML."""
-        return request(self.session, self.keys.scenario, ScenarioRequest(), ScenarioReply, self.timeout_s).yaml
+        return ask(self.session, self.keys.scenario, ScenarioRequest(), ScenarioReply, self.timeout_s).yaml
 
-    def ask_policy(self, agent: str, wish: PolicyRequest) -> PolicyReply:
+    def ask_policy(self, agent: str, request: PolicyRequest) -> PolicyReply:
         """What an agent would do."""
-        return request(self.session, self.keys.policy(agent), wish, PolicyReply, self.timeout_s)
+        return ask(self.session, self.keys.policy(agent), request, PolicyReply, self.timeout_s)
 
     def spawners(self) -> list[SpawnerStatus]:
         """Every spawner of this market and its processes, by name."""
@@ -122,13 +122,13 @@ class Client:
         found = [decode(SpawnerStatus, reply.ok.payload.to_bytes()) for reply in replies if reply.ok is not None]
         return sorted(found, key=lambda each: each.spawner)
 
-    def spawn(self, spawner: str, wish: SpawnRequest) -> ProcessStatus:
+    def spawn(self, spawner: str, request: SpawnRequest) -> ProcessStatus:
         """Have a prosumer process started; returns once it takes part in the market."""
-        return request(self.session, self.keys.spawner(spawner, "spawn"), wish, ProcessStatus, SPAWN_S)
+        return ask(self.session, self.keys.spawner(spawner, "spawn"), request, ProcessStatus, SPAWN_S)
 
-    def stop_process(self, spawner: str, wish: StopRequest) -> StopReply:
+    def stop_process(self, spawner: str, request: StopRequest) -> StopReply:
         """Have a prosumer process ended; returns once it has left."""
-        return request(self.session, self.keys.spawner(spawner, "stop"), wish, StopReply, SPAWN_S)
+        return ask(self.session, self.keys.spawner(spawner, "stop"), request, StopReply, SPAWN_S)
 
     def latest(self) -> PublicSlot | None:
         """The last settled slot, or None before the first."""

@@ -32,7 +32,7 @@ NOTICES_LIMIT = 65_536
 _WAKE = "clock"
 """The clock puts a message to itself under this agent's name to wake up; no agent may have it."""
 
-EventKind = Literal["action", "alive", "gone", "join", "leave", "control", "twin"]
+EventKind = Literal["action", "alive", "gone", "join", "leave", "control", "second_session"]
 
 
 class Query:
@@ -58,7 +58,7 @@ class Query:
 
 
 class Event(NamedTuple):
-    """One thing that happened: an action, a token that came or went, a question, or a second link of an agent (twin).
+    """One thing that happened: an action, a token that came or went, a question, or a second session of an agent.
 
     ``agent`` is who sent it; with certificates nobody else can have. Empty where an operator asks.
     """
@@ -137,7 +137,7 @@ class Hub:
         came = event.kind == zenoh.SampleKind.PUT
         self._links[name] += 1 if came else -1
         if came and self._links[name] > 1:
-            self._hand_over("twin", name)
+            self._hand_over("second_session", name)
 
     def announce(self) -> None:
         """Show that the clock is ready: agents join (again) when they see this token."""
@@ -190,7 +190,7 @@ class Hub:
         if kind == "alive":
             came = item.kind == zenoh.SampleKind.PUT
             return Event("alive" if came else "gone", agent_of(str(item.key_expr)), b"", "", None)
-        if kind == "twin":
+        if kind == "second_session":
             return Event(kind, item, b"", "", None)
         query = Query(item)
         asker = "" if kind == "control" else asker_of(str(item.key_expr))

@@ -9,7 +9,7 @@ from zengrid.core.params import Homes
 
 Floats = NDArray[np.float64]
 
-CONVENTIONAL_BUY_PRICE = 0.05
+BASELINE_BUY_PRICE = 0.05
 """Constant buy price without demand response (paper section III). [$/kWh]"""
 
 

@@ -32,7 +32,7 @@ def grid_features(kind: ObservationKind, facilities: int, homes: int) -> tuple[s
     costs = tuple(f"facility_cost_{i + 1}" for i in range(facilities))
     if kind == "paper":
         return (*costs, *(f"payment_{j + 1}" for j in range(homes)), "demand_kw")
-    return (*costs, "payment_sum", "homes", "demand_kw", "time_sin", "time_cos", "sell_price")
+    return (*costs, "payments", "homes", "demand_kw", "time_sin", "time_cos", "sell_price")
 
 
 def observe_prosumers(

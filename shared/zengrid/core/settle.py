@@ -72,31 +72,33 @@ def conclude(prepared: Prepared, action: Action, market: Market) -> Settlement:
     dt_h = market.dt_h
     bought = _number(action.buy_price) * dt_h
     battery_kw, soc_after = battery_follow(soc, action.battery_kw, permitted_kw, market)
-    injection_kw, export_kw, import_kw, home_curtailed_kw, home_unserved_kw = meter(surplus_kw - battery_kw, market)
+    injection_kw, home_export_kw, home_import_kw, home_curtailed_kw, home_unserved_kw = meter(
+        surplus_kw - battery_kw, market
+    )
 
-    supply_kw = total(export_kw)
-    demand_kw = consumer_kw + total(import_kw)
-    facility_kw, curtailed_kw, unserved_kw = dispatch(demand_kw - supply_kw, market)
+    export_kw = total(home_export_kw)
+    demand_kw = consumer_kw + total(home_import_kw)
+    facility_kw, curtailed_kw, unserved_kw = dispatch(demand_kw - export_kw, market)
 
     cost = facility_cost(facility_kw, market)
-    payment = export_kw * spread(bought)
-    bill = import_kw * spread(sold) - payment
+    payment = home_export_kw * spread(bought)
+    bill = home_import_kw * spread(sold) - payment
     revenue = demand_kw * sold
-    payments = supply_kw * bought
+    payments = export_kw * bought
     lost_load_cost = unserved_kw * (market.value_of_lost_load * dt_h)
     profit = revenue - total(cost) - payments - lost_load_cost
     return Settlement(
         soc=soc_after,
         battery_kw=battery_kw,
         injection_kw=injection_kw,
-        export_kw=export_kw,
-        import_kw=import_kw,
+        home_export_kw=home_export_kw,
+        home_import_kw=home_import_kw,
         home_curtailed_kw=home_curtailed_kw,
         home_unserved_kw=home_unserved_kw,
         payment=payment,
         bill=bill,
         consumer_payment=consumer_kw * sold,
-        supply_kw=supply_kw,
+        export_kw=export_kw,
         payments=payments,
         demand_kw=demand_kw,
         facility_kw=facility_kw,

@@ -61,9 +61,9 @@ class Settlement(NamedTuple):
     """(..., home) what the battery really did, > 0 charges [kW]"""
     injection_kw: Floats
     """(..., home) at the meter after its limits, > 0 exports [kW]"""
-    export_kw: Floats
+    home_export_kw: Floats
     """(..., home) [kW]"""
-    import_kw: Floats
+    home_import_kw: Floats
     """(..., home) [kW]"""
     home_curtailed_kw: Floats
     """(..., home) export refused by the meter's limit [kW]"""
@@ -75,7 +75,7 @@ class Settlement(NamedTuple):
     """(..., home) cost of imports less payment for exports [$]"""
     consumer_payment: Floats
     """(...) what the plain consumers pay [$]"""
-    supply_kw: Floats
+    export_kw: Floats
     """(...) all that the homes export [kW]"""
     payments: Floats
     """(...) all that the grid pays for it [$]"""

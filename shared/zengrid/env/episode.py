@@ -65,7 +65,7 @@ class Episode:
         self._place = {home: place for place, home in enumerate(self.scenario.home_ids)}
         self._days = self.scenario.days()
         self._numbers = self._days.training(pool) if part == "training" else self._days.evaluation(pool)
-        self.buy_price = self.scenario.conventional_buy_price
+        self.buy_price = self.scenario.baseline_buy_price
 
     def facts(self, agent: str) -> MarketFacts:
         """What a policy is told that plays this agent."""
@@ -81,7 +81,7 @@ class Episode:
         """Bounds of what an agent sees."""
         names = self.features(agent)
         high = {**HIGHEST, "buy_price": float(self.buy_prices[-1]), "sell_price": max(self.scenario.sell_prices)}
-        high["buy_price"] = max(high["buy_price"], self.scenario.conventional_buy_price)
+        high["buy_price"] = max(high["buy_price"], self.scenario.baseline_buy_price)
         return Box(
             np.array([LOWEST.get(name, 0.0) for name in names]),
             np.array([high.get(name, MOST) for name in names]),
@@ -98,7 +98,7 @@ class Episode:
         self.vector = VectorMarket(self.market, (), self.buy_prices)
         self._left = self.length
         self._begin(self.market.homes.soc_initial)
-        self.buy_price = self.scenario.conventional_buy_price
+        self.buy_price = self.scenario.baseline_buy_price
 
     def _begin(self, soc: Floats | None) -> None:
         self.vector.begin(self._days.day(self._day), soc, self._day)

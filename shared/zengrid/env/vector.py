@@ -107,7 +107,7 @@ class VectorMarket:
             dt_h=self.market.dt_h,
             facility_cost=self._facility_cost,
             payment=self._payment,
-            payment_sum=total(self._payment),
+            payments=total(self._payment),
             homes=self.homes,
             demand_kw=self._demand_kw,
             sell_price=np.broadcast_to(self.now.sell_price, self.lead),

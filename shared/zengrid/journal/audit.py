@@ -133,7 +133,7 @@ def _values(block: Block) -> list[str]:
         if name not in COUNTS
         for i in np.flatnonzero(~np.isfinite(values.reshape(len(block), -1)).all(-1))
     ]
-    for name in ("soc", "conventional_soc"):
+    for name in ("soc", "baseline_soc"):
         outside = (block[name] < 0.0) | (block[name] > 1.0)
         findings += [
             f"{_where(block, i)}: {name} of home {block.roster.homes[j]} is {block[name][i, j]}"

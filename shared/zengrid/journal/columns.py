@@ -15,11 +15,11 @@ from zengrid.errors import JournalError
 COUNTS = ("position", "day", "slot", "roster_version", "grid_fallback")
 FIGURES = (
     "settled_at", "buy_price", "sell_price", "demand_kw", "export_kw", "consumer_kw", "revenue", "payments", "profit",
-    "lost_load_cost", "curtailed_kw", "home_curtailed_kw", "unserved_kw", "home_unserved_kw", "conventional_profit",
+    "lost_load_cost", "curtailed_kw", "home_curtailed_kw", "unserved_kw", "home_unserved_kw", "baseline_profit",
 )  # fmt: skip
-FACILITY_ARRAYS = ("facility_kw", "facility_cost", "conventional_facility_kw")
+FACILITY_ARRAYS = ("facility_kw", "facility_cost", "baseline_facility_kw")
 HOME_ARRAYS = (
-    "soc", "battery_kw", "injection_kw", "pv_kw", "load_kw", "bill", "conventional_soc", "conventional_bill",
+    "soc", "battery_kw", "injection_kw", "pv_kw", "load_kw", "bill", "baseline_soc", "baseline_bill",
     "fallback",
 )  # fmt: skip
 MARKET_COLUMNS = (*COUNTS, *FIGURES, *FACILITY_ARRAYS)

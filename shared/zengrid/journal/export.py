@@ -35,14 +35,14 @@ SLOT_COLUMNS = {
     "payments_usd": "payments",
     "lost_load_cost_usd": "lost_load_cost",
     "profit_usd": "profit",
-    "conventional_profit_usd": "conventional_profit",
+    "baseline_profit_usd": "baseline_profit",
     "grid_fallback": "grid_fallback",
     "settled_at_unix_s": "settled_at",
 }
 FACILITY_COLUMNS = {
     "facility_{}_kw": "facility_kw",
     "facility_{}_cost_usd": "facility_cost",
-    "conventional_facility_{}_kw": "conventional_facility_kw",
+    "baseline_facility_{}_kw": "baseline_facility_kw",
 }
 HOME_COLUMNS = {
     "soc": "soc",
@@ -52,8 +52,8 @@ HOME_COLUMNS = {
     "load_kw": "load_kw",
     "bill_usd": "bill",
     "fallback": "fallback",
-    "conventional_soc": "conventional_soc",
-    "conventional_bill_usd": "conventional_bill",
+    "baseline_soc": "baseline_soc",
+    "baseline_bill_usd": "baseline_bill",
 }
 
 

@@ -20,7 +20,7 @@ _HOMES = _FACILITIES + len(FACILITY_ARRAYS)
 """Where the kinds of columns begin."""
 
 
-class Twin(NamedTuple):
+class BaselineSlot(NamedTuple):
     """What is kept of a slot without demand response; names and shapes are those of ``Settlement``."""
 
     soc: Floats
@@ -33,7 +33,7 @@ class SlotRecord(NamedTuple):
     """What the clock settled for one slot, in the order of the journal's columns.
 
     Powers are means over the slot [kW], money is for the whole slot [$]; signs and names are those of
-    ``zengrid.core.state.Settlement``. What is called conventional belongs to the twin without demand response.
+    ``zengrid.core.state.Settlement``. What is called conventional belongs to the baseline without demand response.
     """
 
     position: int
@@ -65,12 +65,12 @@ class SlotRecord(NamedTuple):
     unserved_kw: float
     home_unserved_kw: float
     """sum over the homes"""
-    conventional_profit: float
+    baseline_profit: float
     facility_kw: Floats
     """(facility,)"""
     facility_cost: Floats
     """(facility,)"""
-    conventional_facility_kw: Floats
+    baseline_facility_kw: Floats
     """(facility,)"""
     soc: Floats
     """(home,) at the end of the slot [-]"""
@@ -84,9 +84,9 @@ class SlotRecord(NamedTuple):
     """(home,)"""
     bill: Floats
     """(home,)"""
-    conventional_soc: Floats
+    baseline_soc: Floats
     """(home,) at the end of the slot [-]"""
-    conventional_bill: Floats
+    baseline_bill: Floats
     """(home,)"""
     fallback: NDArray[np.bool_]
     """(home,) its agent did not answer: the conventional rule was used"""
@@ -101,12 +101,12 @@ class SlotRecord(NamedTuple):
         buy_price: float,
         exogenous: Exogenous,
         settled: Settlement,
-        twin: Twin | Settlement,
+        baseline: BaselineSlot | Settlement,
         fallback: NDArray[np.bool_],
         grid_fallback: bool,
         roster_version: int,
     ) -> Self:
-        """Put together what the core settled, for the market and for its conventional twin."""
+        """Put together what the core settled, for the market and for its conventional baseline."""
         return cls(
             position=position,
             day=day,
@@ -115,7 +115,7 @@ class SlotRecord(NamedTuple):
             buy_price=buy_price,
             sell_price=float(exogenous.sell_price),
             demand_kw=float(settled.demand_kw),
-            export_kw=float(settled.supply_kw),
+            export_kw=float(settled.export_kw),
             consumer_kw=float(np.add.reduce(exogenous.consumer_kw)),
             revenue=float(settled.revenue),
             payments=float(settled.payments),
@@ -136,10 +136,10 @@ class SlotRecord(NamedTuple):
             load_kw=exogenous.load_kw,
             bill=settled.bill,
             fallback=fallback,
-            conventional_soc=twin.soc,
-            conventional_bill=twin.bill,
-            conventional_profit=float(twin.profit),
-            conventional_facility_kw=twin.facility_kw,
+            baseline_soc=baseline.soc,
+            baseline_bill=baseline.bill,
+            baseline_profit=float(baseline.profit),
+            baseline_facility_kw=baseline.facility_kw,
         )
 
     def encode(self, homes: int) -> Row:

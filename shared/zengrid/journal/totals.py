@@ -1,4 +1,4 @@
-"""What a run adds up to, beside its twin without demand response; kept in the journal as one array of float64."""
+"""What a run adds up to, beside its baseline without demand response; kept in the journal as one array of float64."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from zengrid.journal.roster import Roster
 Floats = NDArray[np.float64]
 
 TOTALS = (
-    "profit", "conventional_profit", "bills", "conventional_bills", "reserve_kwh", "conventional_reserve_kwh",
+    "profit", "baseline_profit", "bills", "baseline_bills", "reserve_kwh", "baseline_reserve_kwh",
     "curtailed_kwh", "unserved_kwh",
 )  # fmt: skip
 _COUNTED = (
-    "profit", "conventional_profit", "bill", "conventional_bill", "facility_kw", "conventional_facility_kw",
+    "profit", "baseline_profit", "bill", "baseline_bill", "facility_kw", "baseline_facility_kw",
     "curtailed_kw", "home_curtailed_kw", "unserved_kw", "home_unserved_kw",
 )  # fmt: skip
 """What of a slot is added up."""
@@ -94,10 +94,10 @@ class Totals:
     def _add(self, columns: Mapping[str, NDArray[Any]]) -> None:
         dt_h = self._dt_h
         self._bill = self._bill + np.add.reduce(columns["bill"])
-        self._conventional_bill = self._conventional_bill + np.add.reduce(columns["conventional_bill"])
+        self._conventional_bill = self._conventional_bill + np.add.reduce(columns["baseline_bill"])
         added = (
-            columns["profit"], columns["conventional_profit"], columns["bill"], columns["conventional_bill"],
-            columns["facility_kw"][:, 1:] * dt_h, columns["conventional_facility_kw"][:, 1:] * dt_h,
+            columns["profit"], columns["baseline_profit"], columns["bill"], columns["baseline_bill"],
+            columns["facility_kw"][:, 1:] * dt_h, columns["baseline_facility_kw"][:, 1:] * dt_h,
             (columns["curtailed_kw"] + columns["home_curtailed_kw"]) * dt_h,
             (columns["unserved_kw"] + columns["home_unserved_kw"]) * dt_h,
         )  # fmt: skip

@@ -28,7 +28,7 @@ Floats = NDArray[np.float64]
 WEEK = 7
 """Days played in a row where stored energy is carried over from day to day."""
 
-SETTLED_GAP = 8.0
+STABLE_GAP = 8.0
 """Up to this largest gap a market counts as settled. The aim is 10 %; on other days a gap may be larger. [%]"""
 
 FEW_HOMES, FEW_STATES = 12, 128
@@ -104,7 +104,7 @@ class Gap(NamedTuple):
 class Rank(NamedTuple):
     """Of two results the larger is kept: that of a settled market before any other.
 
-    A market is settled where nobody loses and no prosumer could gain more than ``SETTLED_GAP`` by playing its best
+    A market is settled where nobody loses and no prosumer could gain more than ``STABLE_GAP`` by playing its best
     response. Among settled markets the grid's profit counts most: it leads, and followers that answer well to whatever
     it does are what it has to earn by (Stackelberg's equilibrium). It weighs four fifths in the geometric mean of all
     improvements, so that nobody's gain is given up for a per cent more of it. Among the others counts the joint gain,
@@ -151,7 +151,7 @@ class Evaluation:
         gain, gap = self.changes.joint_gain, self.largest_gap
         if gap is None or gain <= 0.0:
             return Rank(False, gain)
-        if gap <= SETTLED_GAP:
+        if gap <= STABLE_GAP:
             return Rank(True, self.changes.profit**0.75 * gain**0.25)
         return Rank(False, gain / (1.0 + gap / 100.0) ** 2)
 
@@ -243,7 +243,7 @@ class Evaluator:
             soc = self.market.homes.soc_initial if day == 0 else None
             vector.begin(self.profile.part(part), soc, self.numbers[:, day])
             while not vector.over:
-                price: Floats | float = self.scenario.conventional_buy_price
+                price: Floats | float = self.scenario.baseline_buy_price
                 if grid is not None:
                     price = grid.act(vector.grid_view())
                 price = np.broadcast_to(np.asarray(price, dtype=np.float64), vector.lead)
@@ -265,7 +265,7 @@ class Evaluator:
 
         reserve_kw = total(settled.facility_kw[..., 1:])
         pv_kw = daily(self.profile.pv_kw)
-        left_kw = daily(settled.export_kw + settled.home_curtailed_kw)
+        left_kw = daily(settled.home_export_kw + settled.home_curtailed_kw)
         peaks = reserve_kw.reshape(days, self.slots, self.chains).max(axis=1)
         return Outcome(
             bill=daily(settled.bill),

@@ -211,7 +211,7 @@ class GenericTraining:
         slots, lead = self.scenario.slots_per_day, self.vector.lead
         constant = self._rng.choice(self.buy_prices, size=lead)
         # The price without demand response is the one that most markets have.
-        constant = np.where(self._rng.random(lead) < 0.5, self.scenario.conventional_buy_price, constant)
+        constant = np.where(self._rng.random(lead) < 0.5, self.scenario.baseline_buy_price, constant)
         rises = self._rng.uniform(14.0, 20.0, lead) / self.scenario.dt_h
         falls = rises + self._rng.uniform(2.0, 6.0, lead) / self.scenario.dt_h
         dear = self._rng.choice(self.buy_prices, size=lead)

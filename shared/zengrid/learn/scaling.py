@@ -67,7 +67,7 @@ def scales(kind: ObservationKind, market: Market, days: Exogenous, buy_prices: F
         "time_sin": (-1.0, 1.0),
         "time_cos": (-1.0, 1.0),
         "sell_price": (float(tariff.min()), float(tariff.max())),
-        "payment_sum": (0.0, float(payment.sum())),
+        "payments": (0.0, float(payment.sum())),
         "homes": (0.0, 2.0 * homes.count),
         "demand_kw": (0.0, demand_kw),
         **{f"facility_cost_{i + 1}": (float(cost[0, i]), float(cost[1, i])) for i in range(market.facilities.count)},

@@ -202,7 +202,7 @@ def grid_observation(kind: ObservationKind, view: GridView) -> Floats:
     demand_kw, sell_price = np.asarray(view.demand_kw), np.asarray(view.sell_price)
     if kind == "public":
         # The sum stands for the payments; how many they were is told beside it.
-        payment = np.asarray(view.payment_sum)[..., None]
+        payment = np.asarray(view.payments)[..., None]
         observation = observe_grid("public", view.facility_cost, payment, demand_kw, sell_price, time)
         observation[..., view.facility_cost.shape[-1] + 1] = view.homes
         return observation

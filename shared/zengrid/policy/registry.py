@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TypeVar
 
-from zengrid.core.baselines import CONVENTIONAL_BUY_PRICE
+from zengrid.core.baselines import BASELINE_BUY_PRICE
 from zengrid.errors import PolicyError
 from zengrid.policy.facts import MarketFacts
 from zengrid.policy.rules import Conventional, FixedPrice, Idle, RandomCommands, RandomPrice, TimeOfUse
@@ -117,8 +117,8 @@ def _seed(text: str) -> int:
 def _price(text: str, facts: MarketFacts) -> float:
     if not text:
         # The price of a market without demand response, where it may be set.
-        known = any(abs(level - CONVENTIONAL_BUY_PRICE) <= 1e-9 for level in facts.buy_prices)
-        return CONVENTIONAL_BUY_PRICE if known else min(facts.buy_prices)
+        known = any(abs(level - BASELINE_BUY_PRICE) <= 1e-9 for level in facts.buy_prices)
+        return BASELINE_BUY_PRICE if known else min(facts.buy_prices)
     try:
         return float(text)
     except ValueError:

@@ -36,7 +36,7 @@ class GridView(NamedTuple):
     """One slot as the grid agent sees it (paper eq. 14): outcomes of the last slot, tariff of this one.
 
     facility_cost: F ``(..., facility)`` [$]. payment: Omega ``(..., home)`` [$], or None where only the sum is told.
-    payment_sum, demand_kw, sell_price: ``(...)`` [$], [kW], [$/kWh]. homes: their number.
+    payments, demand_kw, sell_price: ``(...)`` [$], [kW], [$/kWh]. homes: their number.
     buy_prices: the permitted levels ``(level,)`` [$/kWh].
     """
 
@@ -45,7 +45,7 @@ class GridView(NamedTuple):
     dt_h: float
     facility_cost: Floats
     payment: Floats | None
-    payment_sum: Floats | float
+    payments: Floats | float
     homes: int
     demand_kw: Floats | float
     sell_price: Floats | float

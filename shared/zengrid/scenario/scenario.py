@@ -117,7 +117,7 @@ class Scenario(Spec):
         default=(0.05, 0.06, 0.07, 0.08, 0.09, 0.10),
         min_length=1, max_length=1000, description="Levels at which the grid may buy, increasing [$/kWh].",
     )  # fmt: skip
-    conventional_buy_price: Price = Field(default=0.05, description="Buy price without demand response [$/kWh].")
+    baseline_buy_price: Price = Field(default=0.05, description="Buy price without demand response [$/kWh].")
     battery_levels: int = Field(
         default=5, ge=2, le=1001, description="Commands a learner chooses from, evenly from discharge to charge."
     )

@@ -129,7 +129,7 @@ class HomesStatus(Message):
     pv_kw: Column
     load_kw: Column
     bill: Column = Field(description="Since the start of the run [$].")
-    conventional_bill: Column = Field(description="The same without demand response [$].")
+    baseline_bill: Column = Field(description="The same without demand response [$].")
 
 
 class Totals(Message):
@@ -137,11 +137,11 @@ class Totals(Message):
 
     slots: int
     profit: float
-    conventional_profit: float
+    baseline_profit: float
     bills: float
-    conventional_bills: float
+    baseline_bills: float
     reserve_kwh: float = Field(description="Energy from all facilities but the first [kWh].")
-    conventional_reserve_kwh: float
+    baseline_reserve_kwh: float
     curtailed_kwh: float
     unserved_kwh: float
 

@@ -37,7 +37,7 @@ class GridObservation(SlotMessage):
     payment: SlotColumn | None = Field(
         description="Omega: paid to each home in the last slot [$]; only where it joined with observation `paper`."
     )
-    payment_sum: float = Field(description="Sum of Omega [$].")
+    payments: float = Field(description="Sum of Omega [$].")
     demand_kw: float = Field(ge=0, description="P_dm of the last slot [kW].")
     settled: GridSettled | None = Field(description="Reward of the previous slot; null before the first.")
 
@@ -97,14 +97,14 @@ class PublicSlot(SlotMessage):
     buy_price: Price
     sell_price: Price
     demand_kw: float = Field(description="All that the grid sells [kW].")
-    injection_kw: float = Field(description="All that the homes export [kW].")
+    export_kw: float = Field(description="All that the homes export [kW].")
     facility_kw: Column = Field(description="Output of each facility, base first [kW].")
     facility_cost: Column = Field(description="Cost of each facility [$].")
     curtailed_kwh: float = Field(description="Energy nobody could take [kWh].")
     unserved_kwh: float = Field(description="Demand nobody could meet [kWh].")
     homes: int = Field(ge=0, description="Homes in the market.")
     acted: tuple[AgentId, ...] = Field(description="Agents whose action counted.")
-    fell_back: tuple[AgentId, ...] = Field(description="Agents for which the fallback was used.")
+    fallback: tuple[AgentId, ...] = Field(description="Agents for which the fallback was used.")
 
 
 class HomeColumns(Message):
@@ -117,15 +117,15 @@ class HomeColumns(Message):
     pv_kw: Column
     load_kw: Column
     bill: Column = Field(description="[$]")
-    conventional_soc: Column
-    conventional_bill: Column = Field(description="What the slot would have cost without demand response [$].")
-    fell_back: tuple[AgentId, ...] = Field(description="Homes served by the fallback.")
+    baseline_soc: Column
+    baseline_bill: Column = Field(description="What the slot would have cost without demand response [$].")
+    fallback: tuple[AgentId, ...] = Field(description="Homes served by the fallback.")
 
 
 class SettledSlot(PublicSlot):
     """A settled slot as the journal holds it, answered on `clock/history`."""
 
     profit: float = Field(description="Profit of the grid [$].")
-    conventional_profit: float = Field(description="Profit without demand response [$].")
-    conventional_facility_kw: Column
+    baseline_profit: float = Field(description="Profit without demand response [$].")
+    baseline_facility_kw: Column
     detail: HomeColumns | None = Field(description="Per home, where asked for.")

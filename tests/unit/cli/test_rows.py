@@ -18,7 +18,7 @@ def test_rows_add_up(sizes: list[int], limit: int) -> None:
     assert len(listed) <= limit
     assert total.homes == sum(sizes)
     if sum(row.homes for row in listed) == total.homes:
-        for name in ("battery_kw", "pv_kw", "load_kw", "bill", "conventional_bill"):
+        for name in ("battery_kw", "pv_kw", "load_kw", "bill", "baseline_bill"):
             assert sum(getattr(row, name) for row in listed) == pytest.approx(getattr(total, name))
 
 

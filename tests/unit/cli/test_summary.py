@@ -27,7 +27,7 @@ def test_sums_over_a_run_whose_homes_change(tmp_path: Path) -> None:
     assert found.bills["h0"].real == pytest.approx(sum(it.bill[0] for it in settled[:30]))
     h2 = sum(it.bill[2] for it in settled[:30]) + sum(it.bill[0] for it in settled[30:])
     assert found.bills["h2"].real == pytest.approx(h2)
-    assert found.all_bills.conventional == pytest.approx(sum(it.conventional_bill.sum() for it in settled))
+    assert found.all_bills.conventional == pytest.approx(sum(it.baseline_bill.sum() for it in settled))
     assert found.fallbacks["h1"] == sum(bool(it.fallback[1]) for it in settled[:30])
     assert found.grid_fallbacks == sum(it.grid_fallback for it in settled)
     assert found.profit.real == pytest.approx(sum(it.profit for it in settled))

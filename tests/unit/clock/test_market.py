@@ -1,4 +1,4 @@
-"""The twin without demand response, settled ahead for many slots, is what slot after slot would have given."""
+"""The baseline without demand response, settled ahead for many slots, is what slot after slot would have given."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ GUEST = HomeSpec.model_validate({"id": "guest", "pv_kw": 5.0, "battery": {"capac
 
 @pytest.mark.parametrize("soc_reset", ["daily", "never"])
 @pytest.mark.parametrize("guest", [False, True])
-def test_the_twin_is_the_same_to_the_last_bit(soc_reset: str, *, guest: bool) -> None:
+def test_the_baseline_is_the_same_to_the_last_bit(soc_reset: str, *, guest: bool) -> None:
     scenario = load("paper").with_(soc_reset=soc_reset)
     market = LiveMarket(scenario, scenario.days())
-    price = np.asarray(scenario.conventional_buy_price)
+    price = np.asarray(scenario.baseline_buy_price)
     soc = market.market.homes.soc_initial.copy()
     for day in range(DAYS):
         market.begin_day(day)
@@ -38,10 +38,10 @@ def test_the_twin_is_the_same_to_the_last_bit(soc_reset: str, *, guest: bool) ->
             exogenous = market.profile(slot)
             command = conventional(exogenous.pv_kw, exogenous.load_kw, market.market.homes)
             expected = settle(soc, Action(price, command), exogenous, market.market)
-            twin = market.twin(slot)
-            for name, value in twin._asdict().items():
+            baseline = market.baseline(slot)
+            for name, value in baseline._asdict().items():
                 assert np.asarray(value).tobytes() == np.asarray(getattr(expected, name)).tobytes(), (day, slot, name)
-            # What the agents do, the twin does not notice.
+            # What the agents do, the baseline does not notice.
             done = market.settle(market.prepare(exogenous), Action(price, np.zeros(len(market.homes))))
-            market.advance(done, twin)
+            market.advance(done, baseline)
             soc = expected.soc

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 
 from support.markets import Slot, slots
-from zengrid.core.baselines import CONVENTIONAL_BUY_PRICE, conventional
+from zengrid.core.baselines import BASELINE_BUY_PRICE, conventional
 from zengrid.core.params import Facilities, Homes, Market
 from zengrid.core.settle import settle
 from zengrid.core.state import Action, Exogenous, Settlement
@@ -27,10 +27,10 @@ def test_it_neither_buys_to_store_nor_sells_what_it_stored(slot: Slot) -> None:
     soc, action, exogenous, market = slot
     rule = conventional(exogenous.pv_kw, exogenous.load_kw, market.homes)
     settled = settle(soc, Action(action.buy_price, rule), exogenous, market)
-    assert np.all((settled.battery_kw <= 0.0) | (settled.import_kw == 0.0))
-    assert np.all((settled.battery_kw >= 0.0) | (settled.export_kw <= 1e-12))
+    assert np.all((settled.battery_kw <= 0.0) | (settled.home_import_kw == 0.0))
+    assert np.all((settled.battery_kw >= 0.0) | (settled.home_export_kw <= 1e-12))
     full = (settled.soc >= market.homes.soc_max - 1e-12) | (settled.battery_kw >= market.homes.charge_max_kw - 1e-12)
-    assert np.all((settled.export_kw <= 1e-12) | full | (market.homes.capacity_kwh == 0.0))
+    assert np.all((settled.home_export_kw <= 1e-12) | full | (market.homes.capacity_kwh == 0.0))
 
 
 def case_study(minutes: int) -> tuple[Exogenous, Market]:
@@ -55,7 +55,7 @@ def conventional_day(minutes: int) -> tuple[list[Settlement], Market]:
     for slot in range(len(day.sell_price)):
         now = day.slot(slot)
         rule = conventional(now.pv_kw, now.load_kw, market.homes)
-        settled.append(settle(soc, Action(np.array(CONVENTIONAL_BUY_PRICE), rule), now, market))
+        settled.append(settle(soc, Action(np.array(BASELINE_BUY_PRICE), rule), now, market))
         soc = settled[-1].soc
     return settled, market
 

@@ -65,7 +65,7 @@ def test_the_grid_sees_costs_payments_and_demand() -> None:
 def test_the_public_grid_observation_does_not_grow_with_the_homes() -> None:
     seen = observe_grid("public", COST, PAYMENT, np.array(21.0), np.array(0.095), NOON)
     assert grid_features("public", 2, 3) == (
-        "facility_cost_1", "facility_cost_2", "payment_sum", "homes", "demand_kw", "time_sin", "time_cos", "sell_price",
+        "facility_cost_1", "facility_cost_2", "payments", "homes", "demand_kw", "time_sin", "time_cos", "sell_price",
     )  # fmt: skip
     assert seen.tolist() == pytest.approx([0.6, 3.3, 0.06, 3, 21.0, *NOON, 0.095], rel=1e-15)
     assert grid_features("public", 2, 300) == grid_features("public", 2, 3)

@@ -28,16 +28,16 @@ def test_energy_balances_at_every_meter(slot: Slot) -> None:
         exogenous.pv_kw - exogenous.load_kw - settled.battery_kw,
         settled.injection_kw + settled.home_curtailed_kw - settled.home_unserved_kw,
     )
-    close(settled.export_kw - settled.import_kw, settled.injection_kw)
+    close(settled.home_export_kw - settled.home_import_kw, settled.injection_kw)
     assert settled.soc.shape == soc.shape
 
 
 @given(slots())
 def test_energy_balances_on_the_bus(slot: Slot) -> None:
     settled = settle(*slot)
-    close(settled.demand_kw, slot.exogenous.consumer_kw.sum() + settled.import_kw.sum())
+    close(settled.demand_kw, slot.exogenous.consumer_kw.sum() + settled.home_import_kw.sum())
     close(
-        settled.facility_kw.sum() + settled.export_kw.sum() + settled.unserved_kw,
+        settled.facility_kw.sum() + settled.home_export_kw.sum() + settled.unserved_kw,
         settled.demand_kw + settled.curtailed_kw,
     )
 
@@ -56,8 +56,8 @@ def test_money_balances(slot: Slot) -> None:
 def test_money_follows_energy(slot: Slot) -> None:
     _, action, exogenous, market = slot
     settled = settle(*slot)
-    close(settled.payment, settled.export_kw * action.buy_price * market.dt_h)
-    close(settled.bill, settled.import_kw * exogenous.sell_price * market.dt_h - settled.payment)
+    close(settled.payment, settled.home_export_kw * action.buy_price * market.dt_h)
+    close(settled.bill, settled.home_import_kw * exogenous.sell_price * market.dt_h - settled.payment)
     close(settled.consumer_payment, exogenous.consumer_kw.sum() * exogenous.sell_price * market.dt_h)
     close(settled.revenue, settled.demand_kw * exogenous.sell_price * market.dt_h)
     close(settled.lost_load_cost, settled.unserved_kw * market.value_of_lost_load * market.dt_h)
@@ -74,7 +74,7 @@ def test_permuting_homes_permutes_results(slot: Slot, seed: int) -> None:
         exogenous._replace(pv_kw=exogenous.pv_kw[order], load_kw=exogenous.load_kw[order]),
         market.with_homes(market.homes.take(order)),
     )
-    by_home = {"soc", "battery_kw", "injection_kw", "export_kw", "import_kw", "payment", "bill"}
+    by_home = {"soc", "battery_kw", "injection_kw", "home_export_kw", "home_import_kw", "payment", "bill"}
     by_home |= {"home_curtailed_kw", "home_unserved_kw"}
     for name, before, after in zip(Settlement._fields, settled, permuted, strict=True):
         if name in by_home:

@@ -19,13 +19,13 @@ def part(since: int, slots: int, homes: tuple[str, ...], seed: int = 0, slots_pe
     rng = np.random.default_rng([seed, since])
     position = np.arange(since, since + slots)
     columns: dict[str, Any] = {"position": position, "day": position // slots_per_day, "slot": position % slots_per_day}
-    figures = ("buy_price", "sell_price", "demand_kw", "injection_kw", "curtailed_kwh", "unserved_kwh", "profit")
-    columns |= {name: rng.random(slots) for name in (*figures, "conventional_profit")}
-    columns |= {name: rng.random((slots, 3)) for name in ("facility_kw", "facility_cost", "conventional_facility_kw")}
-    columns["grid_fell_back"] = rng.random(slots) < 0.5
-    arrays = ("soc", "battery_kw", "home_injection_kw", "pv_kw", "load_kw", "bill", "conventional_soc")
-    columns |= {name: rng.random((slots, len(homes))) for name in (*arrays, "conventional_bill")}
-    columns["fell_back"] = rng.random((slots, len(homes))) < 0.5
+    figures = ("buy_price", "sell_price", "demand_kw", "export_kw", "curtailed_kwh", "unserved_kwh", "profit")
+    columns |= {name: rng.random(slots) for name in (*figures, "baseline_profit")}
+    columns |= {name: rng.random((slots, 3)) for name in ("facility_kw", "facility_cost", "baseline_facility_kw")}
+    columns["grid_fallback"] = rng.random(slots) < 0.5
+    arrays = ("soc", "battery_kw", "injection_kw", "pv_kw", "load_kw", "bill", "baseline_soc")
+    columns |= {name: rng.random((slots, len(homes))) for name in (*arrays, "baseline_bill")}
+    columns["fallback"] = rng.random((slots, len(homes))) < 0.5
     return Part(homes, columns)
 
 
@@ -34,7 +34,7 @@ def test_resampling_adds_up(since: int, slots: int, group: int) -> None:
     table = market_table(part(since, slots, ("a",)), 1.0)
     coarse = resampled(table, group)
     assert np.isclose(coarse["profit"].sum(), table["profit"].sum())
-    assert coarse["grid_fell_back"].sum() == table["grid_fell_back"].sum()
+    assert coarse["grid_fallback"].sum() == table["grid_fallback"].sum()
     assert coarse["position"][0] == since
     assert (np.diff(coarse["position"] // group) == 1).all()
     counts = np.diff(np.append(coarse["position"], since + slots))

@@ -77,9 +77,9 @@ def test_a_wrong_value_is_found(file: object, name: str) -> None:
 def test_what_is_no_number_is_found(journal: Journal) -> None:
     run = begin(journal)
     fill(run, homes=2, count=1)
-    run.commit(changed(record(2, 1), conventional_soc=np.array([0.5, np.nan]), soc=np.array([0.5, 1.5])))
+    run.commit(changed(record(2, 1), baseline_soc=np.array([0.5, np.nan]), soc=np.array([0.5, 1.5])))
     findings = audit(run)
-    assert "position 1 (day 0, slot 1): conventional_soc is not finite" in findings
+    assert "position 1 (day 0, slot 1): baseline_soc is not finite" in findings
     assert "position 1 (day 0, slot 1): soc of home h1 is 1.5" in findings
 
 

@@ -96,7 +96,7 @@ def test_a_newer_journal_is_refused(file: Path) -> None:
     connection.execute("UPDATE zengrid_journal SET schema_version = 99")
     connection.commit()
     connection.close()
-    with pytest.raises(JournalError, match="schema version 99; this zengrid needs 3"):
+    with pytest.raises(JournalError, match="schema version 99; this zengrid needs 4"):
         Journal.open(file)
 
 

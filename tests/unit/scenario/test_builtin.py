@@ -18,7 +18,7 @@ def play(scenario: Scenario) -> dict[str, np.ndarray[tuple[int, ...], np.dtype[n
     for slot in range(scenario.slots_per_day):
         now = day.slot(slot)
         command = conventional(now.pv_kw, now.load_kw, market.homes)
-        slots.append(settle(soc, Action(np.array(scenario.conventional_buy_price), command), now, market))
+        slots.append(settle(soc, Action(np.array(scenario.baseline_buy_price), command), now, market))
         soc = slots[-1].soc
     energies = {
         name: np.sum([getattr(s, name) for s in slots], axis=0) * scenario.dt_h

@@ -184,6 +184,6 @@ def test_a_price_must_be_a_price() -> None:
 
 
 def test_a_joining_home_is_checked_by_the_scenarios_own_rules() -> None:
-    wish = b'{"agent":"p4","role":"prosumer","instance":"0123456789","homes":[{"id":"p4","pv_kw":-5}]}'
+    request = b'{"agent":"p4","role":"prosumer","instance":"0123456789","homes":[{"id":"p4","pv_kw":-5}]}'
     with pytest.raises(WireError, match=r"homes.0.pv_kw = -5: Input should be greater than or equal to 0"):
-        decode(JoinRequest, wish)
+        decode(JoinRequest, request)

@@ -76,7 +76,7 @@ class Day(NamedTuple):
     """(seed, slot) set by the trained grids [$/kWh]"""
     soc: Floats
     """(seed, slot + 1, home) [-]"""
-    conventional_soc: Floats
+    baseline_soc: Floats
     """(slot + 1, home) [-]"""
     seed: int
     """the one whose day is drawn: in the middle of all by the grid's profit on held-out days"""

@@ -21,7 +21,7 @@ WINDOW = 5
 """Days of training that the moving average spans."""
 
 
-def waveforms(day: Day, homes: tuple[str, ...], conventional_buy_price: float, stem: Path) -> None:
+def waveforms(day: Day, homes: tuple[str, ...], baseline_buy_price: float, stem: Path) -> None:
     """PV and loads of the prosumers, the consumer, and the tariff."""
     figure, places = panels(3, 9.0, 2.9)
     profile, middle = day.profile, (day.hours[:-1] + day.hours[1:]) / 2.0
@@ -35,7 +35,7 @@ def waveforms(day: Day, homes: tuple[str, ...], conventional_buy_price: float, s
     columns["sell_price"] = profile.sell_price
     second.plot(middle, columns["consumer_kw"], color=INK)
     third.stairs(profile.sell_price, day.hours, color=INK, baseline=None, label="sell price", linewidth=1.7)
-    third.axhline(conventional_buy_price, color=GREY, dashes=(1.5, 1.5), label="buy price without demand response")
+    third.axhline(baseline_buy_price, color=GREY, dashes=(1.5, 1.5), label="buy price without demand response")
     for panel, unit in zip(places, ("kW", "kW", "$/kWh"), strict=True):
         panel.set_ylabel(unit)
         panel.set_ylim(bottom=0.0)
@@ -45,7 +45,7 @@ def waveforms(day: Day, homes: tuple[str, ...], conventional_buy_price: float, s
     save(figure, pd.DataFrame(columns), stem)
 
 
-def day(day: Day, homes: tuple[str, ...], conventional_buy_price: float, stem: Path) -> None:
+def day(day: Day, homes: tuple[str, ...], baseline_buy_price: float, stem: Path) -> None:
     """Prices and the state of charge of each battery over a day, conventional against agents."""
     figure, places = panels(1 + len(homes), 9.0, 4.6, rows=2, sharex=True)
     sell, prices = day.profile.sell_price, day.buy_price
@@ -55,7 +55,7 @@ def day(day: Day, homes: tuple[str, ...], conventional_buy_price: float, stem: P
         prices.max(axis=0), day.hours, baseline=prices.min(axis=0), fill=True, color=AGENTS, alpha=0.18, linewidth=0
     )
     price.stairs(sell, day.hours, baseline=None, color=INK, linewidth=1.2, label="sell price")
-    price.axhline(conventional_buy_price, color=GREY, dashes=(1.5, 1.5), label="conventional")
+    price.axhline(baseline_buy_price, color=GREY, dashes=(1.5, 1.5), label="conventional")
     agents = f"agents, seed {day.seed}"
     price.stairs(prices[day.place], day.hours, baseline=None, color=AGENTS, linewidth=1.9, label=agents)
     price.set_ylabel("$/kWh")
@@ -63,7 +63,7 @@ def day(day: Day, homes: tuple[str, ...], conventional_buy_price: float, stem: P
     columns |= {f"buy_price_{name}": np.append(values, np.nan) for name, values in _three(prices, day.place).items()}
     for number, (home, place) in enumerate(zip(homes, places[1:], strict=True)):
         soc = 100.0 * day.soc[..., number]
-        before = 100.0 * day.conventional_soc[:, number]
+        before = 100.0 * day.baseline_soc[:, number]
         place.fill_between(
             day.hours, soc.min(axis=0), soc.max(axis=0), color=AGENTS, alpha=0.18, linewidth=0, label="all seeds"
         )

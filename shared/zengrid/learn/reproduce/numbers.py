@@ -13,7 +13,7 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from zengrid import __version__
-from zengrid.core.baselines import CONVENTIONAL_BUY_PRICE
+from zengrid.core.baselines import BASELINE_BUY_PRICE
 from zengrid.learn.evaluation import PAPER
 from zengrid.learn.reproduce.study import CAPACITY, Study
 
@@ -45,7 +45,7 @@ def numbers(study: Study, wall_s: float) -> dict[str, Any]:
         "settings": study.settings.as_dict(),
         "machine": machine(),
         "time": {"wall_s": round(wall_s, 1), "cpu_s": round(study.paper.cpu_s + study.capacity.cpu_s, 1)},
-        "conventional_buy_price": CONVENTIONAL_BUY_PRICE,
+        "baseline_buy_price": BASELINE_BUY_PRICE,
         "figures": figures(table, study.scenario.home_ids),
         "seeds_reaching_all": all_reached(table, study.scenario.home_ids),
         "grid_short_of_leader_percent": short_of_leader(table),

@@ -30,7 +30,7 @@ def write(study: Study, wall_s: float) -> dict[str, Any]:
 def draw(study: Study, results: dict[str, Any]) -> None:
     """All figures, each as PNG and SVG with its numbers as CSV."""
     folder, homes = study.folder / "figures", study.scenario.home_ids
-    day, over, price = curves.one_day(study), curves.over_training(study), study.scenario.conventional_buy_price
+    day, over, price = curves.one_day(study), curves.over_training(study), study.scenario.baseline_buy_price
     with style():
         figures.comparison(results["figures"], homes, folder / "comparison")
         figures.waveforms(day, homes, price, folder / "waveforms")
