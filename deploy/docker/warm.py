@@ -9,7 +9,7 @@ MODULES = (
     "sqlalchemy.dialects.postgresql", "sqlalchemy.dialects.sqlite", "uvloop", "zengrid.journal",
     "zengrid.policy.network", "zengrid.policy.optimum", "zengrid.scenario", "zengrid_agent.grid",
     "zengrid_agent.prosumer", "zengrid_cli.export", "zengrid_cli.top", "zengrid_cli.up",
-    "zengrid_clock.market", "zengrid_clock.resume", "zengrid_clock.service", "zengrid_gateway.app",
+    "zengrid_clock.live_market", "zengrid_clock.resume", "zengrid_clock.clock", "zengrid_gateway.app",
     "zengrid_gateway.server", "zengrid_spawner.service",
 )  # fmt: skip
 

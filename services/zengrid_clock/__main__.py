@@ -14,7 +14,7 @@ from zengrid import logs
 from zengrid.errors import EXIT_INTERNAL, ZengridError
 
 if TYPE_CHECKING:
-    from zengrid_clock.service import Clock
+    from zengrid_clock.clock import Clock
 
 
 def parser() -> argparse.ArgumentParser:
@@ -134,11 +134,8 @@ def open_clock(options: argparse.Namespace, stack: ExitStack) -> Clock:
     from zengrid.bus.hub import Hub
     from zengrid.journal import Journal
     from zengrid.scenario import load
-    from zengrid_clock.market import LiveMarket
-    from zengrid_clock.resume import restore
+    from zengrid_clock.clock import Clock, ClockSettings
     from zengrid_clock.retention import Retention
-    from zengrid_clock.roster import Roster
-    from zengrid_clock.service import Clock, ClockSettings
 
     settings = ClockSettings(
         days=options.days,
@@ -153,8 +150,6 @@ def open_clock(options: argparse.Namespace, stack: ExitStack) -> Clock:
     hub = stack.enter_context(Hub(options.run, options.listen, certs=options.certs, insecure=options.insecure))
     scenario = load(options.scenario, data=options.data, seed=options.seed).with_(soc_reset=options.soc_reset)
     days = scenario.days()
-    market = LiveMarket(scenario, days)
-    roster = Roster(agent.id for agent in scenario.agents)
     journal = stack.enter_context(Journal.open(options.journal, durability=options.durability))
 
     def keeping(clock: Clock) -> Clock:
@@ -164,14 +159,13 @@ def open_clock(options: argparse.Namespace, stack: ExitStack) -> Clock:
 
     earlier = [info for info in journal.runs() if info.name.rpartition("-")[0] == options.run]
     if options.resume and earlier and earlier[-1].finished_at is None:
-        clock = Clock(scenario, market, roster, hub, journal.resume(earlier[-1].id), settings)
-        restore(clock)
-        clock.notes.note("info", "run is resumed", journal=clock.run.name)
+        clock = Clock(scenario, days, hub, journal.resume(earlier[-1].id), settings)
+        clock.resume()
         return keeping(clock)
     name = f"{options.run}-{len(earlier) + 1}"
     run = journal.begin(name, scenario.dump(), seed=scenario.seed, dt_h=scenario.dt_h, version=__version__)
-    clock = Clock(scenario, market, roster, hub, run, settings)
-    clock.notes.note("info", "run begins", journal=name, scenario=scenario.name, seed=scenario.seed)
+    clock = Clock(scenario, days, hub, run, settings)
+    clock.event_log.log("info", "run begins", journal=name, scenario=scenario.name, seed=scenario.seed)
     return keeping(clock)
 
 

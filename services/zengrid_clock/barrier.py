@@ -7,16 +7,16 @@ from typing import Generic, Literal, NamedTuple, TypeVar
 
 from zengrid.errors import WireError
 
-Cause = Literal[
+RefusalCause = Literal[
     "duplicate", "foreign", "future", "late", "malformed", "out_of_range", "oversized", "unknown_agent", "wrong_run"
 ]
-"""Why an action was refused."""
+"""Why an action is refused."""
 
 A = TypeVar("A")
 
 
-class Moment(NamedTuple):
-    """Which phase of which slot."""
+class SlotPhase(NamedTuple):
+    """One of the two phases of a slot."""
 
     day: int
     slot: int
@@ -24,71 +24,78 @@ class Moment(NamedTuple):
 
     @property
     def order(self) -> tuple[int, int, int]:
-        """Sorts moments in the order in which they come."""
+        """Sorts phases by time."""
         return self.day, self.slot, 0 if self.phase == "price" else 1
 
 
-class Refused(Exception):  # noqa: N818 - an outcome of judging, not a fault of the program
-    """An action does not count; carries its cause."""
+class ActionRefused(Exception):  # noqa: N818 - an expected outcome, not a fault of the program
+    """An action does not count, for one cause."""
 
-    def __init__(self, cause: Cause, moment: Moment | None = None) -> None:
+    def __init__(self, cause: RefusalCause, phase: SlotPhase | None = None) -> None:
         super().__init__(cause)
-        self.cause: Cause = cause
-        self.moment = moment
+        self.cause: RefusalCause = cause
+        self.phase = phase
+        """The phase that the action was meant for, where it could be read."""
 
 
-class Barrier(Generic[A]):
+class PhaseBarrier(Generic[A]):
     """Collects the first valid action of each expected agent.
 
     Parameters
     ----------
-    moment:
+    phase:
         The phase it belongs to.
     expected:
-        Agents whose action counts if it comes in time.
-    waited:
+        Agents whose action counts if it arrives in time.
+    awaited:
         Those of them for which the market waits.
     """
 
-    def __init__(self, moment: Moment, expected: Iterable[str], waited: Iterable[str]) -> None:
-        self.moment = moment
+    def __init__(self, phase: SlotPhase, expected: Iterable[str], awaited: Iterable[str]) -> None:
+        self.phase = phase
         self.expected = frozenset(expected)
-        self.waited = frozenset(waited)
-        self.waiting = set(self.waited)
-        self.answers: dict[str, A] = {}
+        self.awaited = frozenset(awaited)
+        self.missing = set(self.awaited)
+        """Agents for which the market still waits."""
+        self.actions: dict[str, A] = {}
 
     @property
-    def done(self) -> bool:
-        """Whether nobody is waited for any more."""
-        return not self.waiting
+    def is_complete(self) -> bool:
+        """Whether the market waits for nobody any more."""
+        return not self.missing
 
-    def offer(self, agent: str, read: Callable[[], tuple[Moment, A]]) -> None:
-        """Count an action, or raise ``Refused`` with its cause.
+    def offer(self, agent: str, read: Callable[[], tuple[SlotPhase, A]]) -> None:
+        """Count an action.
 
         Parameters
         ----------
         agent:
-            Who sent it.
+            The sender.
         read:
-            Decodes and checks it; called only where the answer is still wanted, so that a flood costs little. Raises
-            ``Refused`` or ``WireError``.
-        """
-        if agent in self.answers:
-            raise Refused("duplicate")
-        try:
-            moment, action = read()
-        except WireError:
-            raise Refused("malformed") from None
-        if moment != self.moment:
-            raise Refused("late" if moment.order < self.moment.order else "future", moment)
-        if agent not in self.expected:
-            raise Refused("foreign")
-        self.answers[agent] = action
-        self.waiting.discard(agent)
+            Decodes and checks the action. Called only if an action of this agent is still wanted, so a flood costs
+            little. Raises ``ActionRefused`` or ``WireError``.
 
-    def give_up(self, agent: str) -> bool:
-        """Stop waiting for an agent that is gone; tells whether it was waited for."""
-        if agent not in self.waiting:
+        Raises
+        ------
+        ActionRefused
+            With the cause, if the action does not count.
+        """
+        if agent in self.actions:
+            raise ActionRefused("duplicate")
+        try:
+            phase, action = read()
+        except WireError:
+            raise ActionRefused("malformed") from None
+        if phase != self.phase:
+            raise ActionRefused("late" if phase.order < self.phase.order else "future", phase)
+        if agent not in self.expected:
+            raise ActionRefused("foreign")
+        self.actions[agent] = action
+        self.missing.discard(agent)
+
+    def drop(self, agent: str) -> bool:
+        """Stop waiting for an agent that is gone; return whether the market was waiting for it."""
+        if agent not in self.missing:
             return False
-        self.waiting.discard(agent)
+        self.missing.discard(agent)
         return True

@@ -1,4 +1,4 @@
-"""Goes on where a journal ends: the state after its last slot, and who was taking part."""
+"""Continues a run where its journal ends: the state after its last slot, and the agents that took part."""
 
 from __future__ import annotations
 
@@ -6,49 +6,63 @@ from typing import TYPE_CHECKING
 
 from zengrid.errors import JournalError
 from zengrid.scenario import HomeSpec
-from zengrid_clock.roster import Agent
+from zengrid_clock.agent_registry import AgentRegistry, MarketAgent
 
 if TYPE_CHECKING:
-    from zengrid_clock.service import Clock
+    from zengrid.journal import Roster as RosterRecord
+    from zengrid.journal import Run
+    from zengrid.scenario import Scenario
+    from zengrid_clock.live_market import LiveMarket
+    from zengrid_clock.run_state import RunState
 
 
-def restore(clock: Clock) -> None:
+def restore(run: Run, scenario: Scenario, state: RunState, registry: AgentRegistry, market: LiveMarket) -> int:
     """Bring a new clock to the state that its journal ends with.
 
-    The agents of the old clock reconnect by themselves; since the journal knows which process speaks for whom, they are
-    in the next slot again without joining anew.
+    The agents of the old clock reconnect by themselves. The journal knows which process plays which agent, so they
+    take part in the next slot without joining again.
+
+    Returns
+    -------
+    The version of the last roster; 0 before the first slot.
+
+    Raises
+    ------
+    JournalError
+        If the run was begun with another scenario.
     """
-    run, market = clock.run, clock.market
-    if run.scenario() != clock.scenario.dump():
+    if run.scenario() != scenario.dump():
         raise JournalError(
             f"run = {run.name}: was begun with another scenario or seed; resume with the same one, or begin anew"
         )
     last = run.last()
     if last is None:
-        return
+        return 0
     roster = run.roster(last.roster_version)
-    specs = [HomeSpec.model_validate(spec) for spec in roster.specs]
+    slices = _restore_agents(registry, roster, {agent.id for agent in scenario.agents})
+    market.restore([HomeSpec.model_validate(spec) for spec in roster.specs], slices, last)
+    state.position = last.position + 1
+    state.buy_price = last.buy_price
+    state.day, state.slot = last.day, last.slot
+    state.day, state.slot = state.following()
+    state.last_record = last
+    state.totals = run.totals()
+    market.begin_day(state.day, state.slot)
+    return roster.version
+
+
+def _restore_agents(registry: AgentRegistry, roster: RosterRecord, scenario_agents: set[str]) -> dict[str, slice]:
+    """Register the agents of a roster; return where each one's homes stand in the arrays."""
     slices: dict[str, slice] = {}
     start = 0
-    scenario_agents = {agent.id for agent in clock.scenario.agents}
-    clock.roster.prosumers.clear()
+    registry.prosumers.clear()
     for name, homes, instance in roster.agents:
-        if name == clock.roster.grid.id:
-            clock.roster.grid.instance = instance
+        if name == registry.grid.id:
+            registry.grid.instance = instance
             continue
         slices[name] = slice(start, start + len(homes))
         start += len(homes)
-        agent = Agent(name, "prosumer", brought=name not in scenario_agents, instance=instance)
-        agent.settled = True
-        clock.roster.prosumers[name] = agent
-    market.restore(specs, slices, last)
-    clock.desk.roster_version = roster.version
-    clock.position = last.position + 1
-    clock.buy_price = last.buy_price
-    clock.day, clock.slot = last.day, last.slot + 1
-    if clock.slot == clock.scenario.slots_per_day:
-        clock.day, clock.slot = last.day + 1, 0
-    market.begin_day(clock.day, clock.slot)
-    clock.last_record = last
-    clock.observer.settled(last.day, last.slot, last.buy_price)
-    clock.totals = run.totals()
+        registry.prosumers[name] = MarketAgent(
+            name, "prosumer", brought_homes=name not in scenario_agents, instance=instance, played_last_slot=True
+        )
+    return slices

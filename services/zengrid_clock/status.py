@@ -1,77 +1,117 @@
-"""How the market stands: the clock's answer to operators."""
+"""The state of the market as operators see it."""
 
 from __future__ import annotations
 
 import time
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from zengrid.journal import TOTALS
 from zengrid.wire.requests import AgentStatus, HomesStatus, Status, Totals
-from zengrid_clock.records import settled_slot
 
 if TYPE_CHECKING:
-    from zengrid_clock.service import Clock
+    from zengrid.journal import Totals as RunTotals
+    from zengrid.scenario import Scenario
+    from zengrid.wire.slots import SettledSlot
+    from zengrid_clock.agent_registry import AgentRegistry
+    from zengrid_clock.journal_writer import JournalWriter
+    from zengrid_clock.latencies import Latencies
+    from zengrid_clock.live_market import LiveMarket
+    from zengrid_clock.pace import Pace
+    from zengrid_clock.run_state import RunState
 
 
-def status(clock: Clock, *, homes: bool) -> Status:
-    """Everything an operator wants to see at a glance."""
-    scenario, record = clock.scenario, clock.last_record
-    return Status(
-        run=clock.hub.keys.run,
-        scenario=scenario.name,
-        seed=scenario.seed,
-        state=clock.pace.state,
-        speed=clock.pace.speed,
-        day=clock.day,
-        slot=clock.slot,
-        slots_per_day=scenario.slots_per_day,
-        dt_h=scenario.dt_h,
-        days=clock.settings.days,
-        slots_per_s=clock.latencies.slots_per_s(time.perf_counter()),
-        last=None if record is None else settled_slot(clock, record, homes=False),
-        totals=_totals(clock),
-        refused={**clock.refused, **clock.hub.overflowed},
-        journal_waits=clock.journal_waits,
-        journal_wait_s=0.0 if clock.journal_away_since is None else time.monotonic() - clock.journal_away_since,
-        latency=clock.latencies.summary(),
-        agents=tuple(
-            AgentStatus(
-                id=agent.id,
-                role=agent.role,
-                presence=agent.presence,
-                policy=agent.policy,
-                homes=_count(clock, agent.id),
-                acted=agent.acted,
-                fallbacks=agent.fallbacks,
-                last_cause=agent.last_cause,
-            )
-            for agent in clock.roster
-        ),
-        homes=_homes(clock) if homes else None,
-    )
+@dataclass(frozen=True, slots=True)
+class StatusReport:
+    """Writes the status of one run.
+
+    Parameters
+    ----------
+    run:
+        Name of the market.
+    days:
+        Length of the run; None without end.
+    refused:
+        Counts of refusals, whose causes do not overlap.
+    last_slot:
+        The last settled slot, or None before the first.
+    homes_status:
+        The state of all homes.
+    agent_slices:
+        Where each agent's homes stand in the arrays.
+    """
+
+    run: str
+    scenario: Scenario
+    days: int | None
+    state: RunState
+    pace: Pace
+    registry: AgentRegistry
+    latencies: Latencies
+    journal: JournalWriter
+    refused: tuple[Counter[str], ...]
+    last_slot: Callable[[], SettledSlot | None]
+    homes_status: Callable[[], HomesStatus]
+    agent_slices: Callable[[], Mapping[str, slice]]
+
+    def write(self, *, with_homes: bool) -> Status:
+        """The status now; with ``with_homes`` it lists every home."""
+        scenario, state = self.scenario, self.state
+        slices = self.agent_slices()
+        return Status(
+            run=self.run,
+            scenario=scenario.name,
+            seed=scenario.seed,
+            state=self.pace.state,
+            speed=self.pace.speed,
+            day=state.day,
+            slot=state.slot,
+            slots_per_day=scenario.slots_per_day,
+            dt_h=scenario.dt_h,
+            days=self.days,
+            slots_per_s=self.latencies.slots_per_s(time.perf_counter()),
+            last=self.last_slot(),
+            totals=_totals(state.totals),
+            refused={cause: count for counter in self.refused for cause, count in counter.items()},
+            journal_waits=self.journal.waits,
+            journal_wait_s=self.journal.away_s,
+            latency=self.latencies.summary(),
+            agents=tuple(
+                AgentStatus(
+                    id=agent.id,
+                    role=agent.role,
+                    presence=agent.presence,
+                    policy=agent.policy,
+                    homes=slices[agent.id].stop - slices[agent.id].start if agent.id in slices else 0,
+                    acted=agent.acted,
+                    fallbacks=agent.fallbacks,
+                    last_cause=agent.last_cause,
+                )
+                for agent in self.registry
+            ),
+            homes=self.homes_status() if with_homes else None,
+        )
 
 
-def _totals(clock: Clock) -> Totals:
-    values: dict[str, Any] = dict(zip(TOTALS, clock.totals.values.tolist(), strict=True))
-    return Totals(slots=clock.totals.slots, **values)
+def _totals(totals: RunTotals) -> Totals:
+    values: dict[str, Any] = dict(zip(TOTALS, totals.values.tolist(), strict=True))
+    return Totals(slots=totals.slots, **values)
 
 
-def _count(clock: Clock, agent: str) -> int:
-    mine = clock.market.agents.get(agent)
-    return 0 if mine is None else mine.stop - mine.start
-
-
-def _homes(clock: Clock) -> HomesStatus:
-    market, last = clock.market, clock.market.last
+def homes_status(market: LiveMarket, totals: RunTotals, slot: int) -> HomesStatus:
+    """The state of all homes: PV and load of a slot, outcome of the last settled slot, bills since the start."""
+    last = market.last
     zeros = np.zeros(len(market.homes))
-    bill, baseline_bill = clock.totals.bills(market.homes)
-    profile = market.profile(clock.slot) if market.day >= 0 else None
+    bill, baseline_bill = totals.bills(market.homes)
+    profile = market.profile(slot) if market.day >= 0 else None
     return HomesStatus(
         homes=market.homes,
-        agents=tuple(name for name, mine in market.agents.items() for _ in range(mine.stop - mine.start)),
-        capacity_kwh=market.market.homes.capacity_kwh,
+        agents=tuple(name for name, own in market.agents.items() for _ in range(own.stop - own.start)),
+        capacity_kwh=market.params.homes.capacity_kwh,
         pv_rated_kw=np.array([spec.pv_kw for spec in market.specs], dtype=np.float64),
         soc=market.soc,
         battery_kw=zeros if last is None else last.battery_kw,

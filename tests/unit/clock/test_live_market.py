@@ -10,7 +10,8 @@ from zengrid.core.settle import settle
 from zengrid.core.state import Action
 from zengrid.scenario import load
 from zengrid.scenario.home import HomeSpec
-from zengrid_clock.market import DAYS_AHEAD, LiveMarket
+from zengrid_clock.live_market import LiveMarket
+from zengrid_clock.profiles_ahead import DAYS_AHEAD
 
 DAYS = DAYS_AHEAD + 2
 JOINS, LEAVES = (1, 5), (3, 9)
@@ -23,21 +24,21 @@ def test_the_baseline_is_the_same_to_the_last_bit(soc_reset: str, *, guest: bool
     scenario = load("paper").with_(soc_reset=soc_reset)
     market = LiveMarket(scenario, scenario.days())
     price = np.asarray(scenario.baseline_buy_price)
-    soc = market.market.homes.soc_initial.copy()
+    soc = market.params.homes.soc_initial.copy()
     for day in range(DAYS):
         market.begin_day(day)
         if soc_reset == "daily":
-            soc = market.market.homes.soc_initial.copy()
+            soc = market.params.homes.soc_initial.copy()
         for slot in range(scenario.slots_per_day):
             if guest and (day, slot) == JOINS:
                 market.add("guest", [GUEST])
-                soc = np.append(soc, market.market.homes.soc_initial[-1])
+                soc = np.append(soc, market.params.homes.soc_initial[-1])
             if guest and (day, slot) == LEAVES:
                 market.remove("guest")
                 soc = soc[:-1]
             exogenous = market.profile(slot)
-            command = conventional(exogenous.pv_kw, exogenous.load_kw, market.market.homes)
-            expected = settle(soc, Action(price, command), exogenous, market.market)
+            command = conventional(exogenous.pv_kw, exogenous.load_kw, market.params.homes)
+            expected = settle(soc, Action(price, command), exogenous, market.params)
             baseline = market.baseline(slot)
             for name, value in baseline._asdict().items():
                 assert np.asarray(value).tobytes() == np.asarray(getattr(expected, name)).tobytes(), (day, slot, name)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from zengrid_clock.pacing import Pace
+from zengrid_clock.pace import Pace
 
 
 def test_at_full_speed_the_next_slot_is_always_due() -> None:

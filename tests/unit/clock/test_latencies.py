@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from zengrid_clock.latency import BOUNDS_MS, WINDOW, Latencies
+from zengrid_clock.latencies import BOUNDS_MS, WINDOW, Latencies
 
 
 def test_nothing_yet() -> None:
