@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
-from urllib.parse import urlsplit
 
 from fastapi import Depends, Request
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 from starlette.requests import HTTPConnection
 
 from zengrid import logs
+from zengrid_gateway.invalid import short
 from zengrid_gateway.problems import Problem
 from zengrid_gateway.tokens import Role, Tokens
 
@@ -73,11 +73,11 @@ def open_access(protect: Protect, path: Path) -> Access:
 def check_origin(connection: HTTPConnection) -> None:
     """Refuse what a page of another site asks a browser to do here."""
     origin = connection.headers.get("origin")
-    if origin is not None and urlsplit(origin).netloc != connection.headers.get("host"):
+    if origin is not None and origin.partition("://")[2] != connection.headers.get("host"):
         allowed = getattr(connection.app.state, "origins", ())
         if origin not in allowed:
             raise Problem(
-                "forbidden", f"Origin = {origin[:200]}: pages of other sites may not steer the market (see --cors)"
+                "forbidden", f"Origin = {short(origin)}: pages of other sites may not steer the market (see --cors)"
             )
 
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import functools
+import gc
 from collections.abc import AsyncIterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 
 from fastapi import FastAPI
@@ -37,12 +39,19 @@ from zengrid_gateway.link import MarketLink
 from zengrid_gateway.settings import Settings
 from zengrid_gateway.shelf import Shelf
 
+WORKERS = 4
+"""Threads for slow work, such as reading the journal."""
+
 
 def create_app(settings: Settings, access: Access) -> FastAPI:
     """An application that shows one market."""
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        # Few threads for slow work, so that the event loop gets its turn soon.
+        asyncio.get_running_loop().set_default_executor(ThreadPoolExecutor(WORKERS, "worker"))
+        app.openapi()  # takes 0.3 s, for which no request should wait
+        gc.freeze()  # a full collection takes 60 ms otherwise
         state = app.state
         async with MarketLink(settings.run, settings.endpoint, settings.certs) as state.link:
             state.frames = Frames(state.link.feed)

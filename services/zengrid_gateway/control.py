@@ -10,10 +10,11 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from zengrid.wire.codec import JSON, encode
 from zengrid.wire.requests import Status
 from zengrid_gateway.access import OPERATE
+from zengrid_gateway.bodies import BodyRoute
 from zengrid_gateway.link import Command, Link
 from zengrid_gateway.problems import documented
 
-router = APIRouter(tags=["operation"])
+router = APIRouter(tags=["operation"], route_class=BodyRoute)
 
 
 EXAMPLES: list[Any] = [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable
 from http import HTTPStatus
@@ -10,8 +11,10 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from zengrid import logs
 from zengrid.rate_limit import RateLimit
+from zengrid_gateway import bodies
 from zengrid_gateway.access import is_loopback
-from zengrid_gateway.problems import MAX_BODY_BYTES, Problem
+from zengrid_gateway.invalid import short
+from zengrid_gateway.problems import Problem
 
 # Plotly sets styles of elements; scripts come from here alone, and nothing is sent elsewhere.
 POLICY = (
@@ -27,6 +30,10 @@ HEADERS = [
     (b"content-security-policy", POLICY),
 ]
 """Of every answer."""
+MAX_PARAMETERS = 100
+"""Most parameters in a query."""
+HOST = re.compile(r"(?:\[(?P<bracketed>[^\[\]]*)\]|(?P<name>[^:\[\]]*))(?::[0-9]*)?")
+"""``[::1]:8080``, ``localhost:8080``, either without the port."""
 
 
 class Guard:
@@ -76,24 +83,27 @@ class Guard:
         if problem is None:
             await self._app(scope, receive, send_on)
         elif scope["type"] == "websocket":
-            await send({"type": "websocket.close", "code": 1008, "reason": str(problem)[:120]})
+            await send({"type": "websocket.close", "code": 1008, "reason": problem.detail[:120]})
         else:
             await problem.response()(scope, receive, send_on)
 
     def _refuse(self, scope: Scope) -> Problem | None:
         headers = dict(scope["headers"])
         if self._local:
-            host = headers.get(b"host", b"").decode("latin-1")
-            if host and not is_loopback(_name(host)):
-                allowed = "localhost, 127.0.0.1 or [::1]"
-                return Problem(
-                    "misdirected", f"Host = {host[:200]}: this gateway answers to {allowed} alone (see --host)"
-                )
-        length = headers.get(b"content-length", b"0").decode("latin-1")
-        if int(length) > MAX_BODY_BYTES:
-            return Problem("too-large", f"body = {length} bytes: {MAX_BODY_BYTES} at most")
+            hosts = [value.decode("latin-1") for name, value in scope["headers"] if name == b"host"]
+            for host in hosts:
+                if not _is_local(host):
+                    allowed = "localhost, 127.0.0.1 or [::1]"
+                    detail = f"Host = {short(host)}: this gateway answers to {allowed} alone (see --host)"
+                    return Problem("misdirected", detail)
+        length = int(headers.get(b"content-length", b"0"))
+        if length > bodies.MAX_BYTES:
+            return Problem("too-large", f"body = {length} bytes: {bodies.MAX_BYTES} at most")
         if b"transfer-encoding" in headers:
             return Problem("length-required", "Content-Length: missing; a body must come with its length")
+        parameters = scope["query_string"].count(b"&") + 1
+        if parameters > MAX_PARAMETERS:
+            return Problem("url-too-long", f"query = {parameters} parameters: {MAX_PARAMETERS} at most")
         wait_s = self._rate.wait_s(scope["client"][0] if scope["client"] else "", time.monotonic())
         if wait_s:
             seconds = f"{wait_s:.0f}" if wait_s > 1 else "1"
@@ -102,6 +112,7 @@ class Guard:
         return None
 
 
-def _name(host: str) -> str:
-    """``[::1]:8080`` -> ``::1``, ``localhost:8080`` -> ``localhost``."""
-    return host[1 : host.find("]")] if host.startswith("[") else host.partition(":")[0]
+def _is_local(host: str) -> bool:
+    """Whether a Host header names this machine; a client of HTTP/1.0 may leave it empty."""
+    match = HOST.fullmatch(host)
+    return not host or (match is not None and is_loopback((match["bracketed"] or match["name"] or "").lower()))

@@ -167,7 +167,7 @@ async def _answer(
     if more:
         query = wanted.model_dump(exclude_none=True, exclude_defaults=True, exclude={"day", "days"})
         query |= {"since": following} | ({"until": until} if until < MAX_POSITION else {})
-        headers["link"] = f'<{request.url.path}?{urlencode(query)}>; rel="next"'
+        headers["link"] = f'<{request.scope["path"]}?{urlencode(query)}>; rel="next"'
     if wanted.format != "json":
         headers["content-disposition"] = (
             f'attachment; filename="{past.name}-{home or "market"}-{since}.{wanted.format}"'

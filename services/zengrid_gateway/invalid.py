@@ -2,30 +2,78 @@
 
 from __future__ import annotations
 
+import json
+import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import BaseModel, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, Field
 
 Error = Mapping[str, Any]
 Place = tuple[str | int, ...]
 Schema = Mapping[str, Any]
 
+EXPLAINED = 20
+"""Most fields explained in one answer."""
+ALTERNATIVES = 10
+"""Most errors used to explain one field."""
+SHOWN = 200
+"""Longest text of a field's name or value. [characters]"""
+ALLOWED = 1000
+"""Longest text of what is allowed. [characters]"""
+
 NAMED = re.compile(r"(?:\w+ [\w-]+: )?([\w.]+) = (.*?): (.+)", re.DOTALL)
 """How the other side says what is wrong: (home p4:) name = value: what is allowed."""
+
+_JSON = json.JSONEncoder(ensure_ascii=False, default=repr)
+
+
+def short(text: str, longest: int = SHOWN) -> str:
+    """A text, cut where it is longer."""
+    return text if len(text) <= longest else f"{text[: longest - 3]}..."
+
+
+def shown(value: Any) -> Any:
+    """What was sent, cut to a length that fits an answer; lists and objects as JSON text.
+
+    Encodes no more of a list or an object than it shows: the value can be the whole body, once for each error.
+    """
+    match value:
+        case str():
+            return short(value)
+        case None | bool():
+            return value
+        case int():
+            return value if abs(value) < 2**63 else short(str(value))
+        case float():
+            return value if math.isfinite(value) else str(value)
+    text = ""
+    for part in _JSON.iterencode(value):
+        text += part[: SHOWN + 1]
+        if len(text) > SHOWN:
+            break
+    return short(text)
 
 
 class FieldError(BaseModel):
     """One field of a request that cannot be used."""
 
-    field: str = Field(description="Where it stands, such as `body.battery.capacity_kwh`.")
-    value: Any = Field(default=None, description="What was sent.")
-    allowed: str = Field(description="What is allowed.")
+    field: Annotated[str, AfterValidator(lambda text: short(text))] = Field(
+        description="Where it stands, such as `body.battery.capacity_kwh`."
+    )
+    value: Annotated[Any, BeforeValidator(shown)] = Field(
+        default=None, description="What was sent; long texts, lists and objects are cut."
+    )
+    allowed: Annotated[str, AfterValidator(lambda text: short(text, ALLOWED))] = Field(description="What is allowed.")
 
 
-def explain(errors: Sequence[Error], body: object, names: Callable[[Place], Sequence[str]]) -> list[FieldError]:
-    """Each field once, with all that is allowed there.
+def explain(
+    errors: Sequence[Error], body: object, names: Callable[[Place], Sequence[str]]
+) -> tuple[list[FieldError], int]:
+    """Explain the first invalid fields, each once with all that is allowed there, and count the others.
+
+    Takes time linear in the number of errors.
 
     Parameters
     ----------
@@ -37,33 +85,20 @@ def explain(errors: Sequence[Error], body: object, names: Callable[[Place], Sequ
     names:
         Tells what fields there are beside one that does not exist.
     """
-    found: dict[Place, FieldError] = {}
+    found: dict[Place, list[Error]] = {}
     for error in errors:
-        place = _place(error, body)
-        allowed = str(error["msg"]).removeprefix("Value error, ")
-        if error["type"] == "json_invalid":
-            place, allowed = ("body",), f"JSON; at character {error['loc'][-1]}: {error['ctx']['error']}"
-        elif error["type"] == "extra_forbidden":
-            allowed = f"there is no such field; there are {', '.join(names(place)) or 'none'}"
-        known = found.get(place)
-        if known is None:
-            found[place] = FieldError(
-                field=".".join(map(str, place)), value=_shown(error.get("input")), allowed=allowed
-            )
-        elif allowed not in known.allowed:
-            known.allowed = f"{known.allowed}; or: {allowed}"
+        found.setdefault(_place(error, body), []).append(error)
     # What is wrong inside a list says more than that the list is no number.
-    return [
-        error
-        for place, error in found.items()
-        if not any(len(other) > len(place) and other[: len(place)] == place for other in found)
-    ]
+    outer = {place[:depth] for place in found for depth in range(len(place))}
+    wrong = [place for place in found if place not in outer]
+    explained = [_explain(place, found[place], names) for place in wrong[:EXPLAINED]]
+    return explained, len(wrong) - len(explained)
 
 
 def told(text: str, *, inside: str = "") -> list[FieldError]:
     """The field that the market names when it refuses, if it names one."""
-    match = NAMED.fullmatch(text)
-    return [FieldError(field=inside + match[1], value=match[2][:200], allowed=match[3])] if match else []
+    match = NAMED.fullmatch(text[: 2 * ALLOWED])
+    return [FieldError(field=inside + match[1], value=match[2], allowed=match[3])] if match else []
 
 
 def fields(document: Schema, path: str, method: str, place: Place) -> list[str]:
@@ -90,18 +125,28 @@ def _place(error: Error, body: object) -> Place:
     origin, *parts = error["loc"]
     if origin != "body":
         return (origin, *parts)
-    place: Place = (origin,)
+    place = [origin]
     here = body
     for part in parts:
-        if isinstance(here, dict | list) and part in (here if isinstance(here, dict) else range(len(here))):
+        if (isinstance(here, dict) and part in here) or (
+            isinstance(here, list) and isinstance(part, int) and part < len(here)
+        ):
             here = here[part]
         elif error["type"] != "missing" or part != parts[-1]:
             continue  # the name of an alternative
-        place = (*place, part)
-    return place
+        place.append(part)
+    return tuple(place)
 
 
-def _shown(value: Any) -> Any:
-    """What was sent, cut to a length that fits an answer."""
-    text = repr(value)
-    return value if len(text) <= 200 and isinstance(value, str | int | float | bool | None) else text[:200]
+def _explain(place: Place, errors: Sequence[Error], names: Callable[[Place], Sequence[str]]) -> FieldError:
+    """All that is allowed in one field."""
+    allowed = dict.fromkeys(_allowed(place, error, names) for error in errors[:ALTERNATIVES])
+    return FieldError(
+        field=".".join(short(str(part)) for part in place), value=errors[0].get("input"), allowed="; or: ".join(allowed)
+    )
+
+
+def _allowed(place: Place, error: Error, names: Callable[[Place], Sequence[str]]) -> str:
+    if error["type"] == "extra_forbidden":
+        return f"there is no such field; there are {', '.join(names(place)) or 'none'}"
+    return str(error["msg"]).removeprefix("Value error, ")

@@ -34,7 +34,7 @@ FRESH_S = 0.25
 HOMES_PERIOD_S = 0.5
 """The same for all homes, as long as somebody asks for them."""
 QUESTIONS = 8
-"""Questions over Zenoh at a time; each blocks a thread."""
+"""Questions to the clock at a time, and as many to agents and spawners; each blocks a thread."""
 
 
 class MarketLink:
@@ -55,7 +55,8 @@ class MarketLink:
         self._loop = asyncio.get_running_loop()
         self._look = asyncio.Event()
         self._client: Client | None = None
-        self._threads = ThreadPoolExecutor(QUESTIONS, "zenoh")
+        self._threads = ThreadPoolExecutor(QUESTIONS, "clock")
+        self._agent_threads = ThreadPoolExecutor(QUESTIONS, "agents")
 
     async def __aenter__(self) -> Self:
         self._watching = asyncio.create_task(self._watch())
@@ -65,7 +66,8 @@ class MarketLink:
         self._watching.cancel()
         await asyncio.wait([self._watching])
         # An attempt to connect goes on in its thread for up to a second, and must not leave a session behind.
-        await asyncio.to_thread(self._threads.shutdown, cancel_futures=True)
+        for threads in (self._threads, self._agent_threads):
+            await asyncio.to_thread(threads.shutdown, cancel_futures=True)
         if self._client is not None:
             await asyncio.to_thread(self._client.session.close)
 
@@ -86,9 +88,14 @@ class MarketLink:
         return self._client
 
     async def ask(self, question: Callable[[Client], T]) -> T:
-        """Ask the market something, in a thread of its own."""
+        """Ask the clock something, in a thread of its own."""
         client = self.check()
         return await self._loop.run_in_executor(self._threads, lambda: question(client))
+
+    async def ask_agent(self, question: Callable[[Client], T]) -> T:
+        """Ask an agent or a spawner. Both may hang, so questions to the clock have other threads."""
+        client = self.check()
+        return await self._loop.run_in_executor(self._agent_threads, lambda: question(client))
 
     # ---------------------------------------------------------------- watching
 

@@ -13,6 +13,7 @@ from starlette.types import Receive, Scope, Send
 from starlette.websockets import WebSocketDisconnect
 
 from zengrid.errors import ZengridError
+from zengrid.wire.requests import HistoryReply
 from zengrid.wire.slots import PublicSlot
 from zengrid_gateway.access import Access
 from zengrid_gateway.feed import Slot
@@ -97,7 +98,8 @@ async def live(
     link: Link,
     since: Since = None,
     last_event_id: Annotated[
-        str | None, Header(description="Sent by a client that comes back: the id it has seen last.")
+        int | None,
+        Header(ge=-1, le=2**53, description="Sent by a client that comes back: the id it has seen last."),
     ] = None,
 ) -> Response:
     """Each slot as it is settled, as server-sent events.
@@ -106,8 +108,8 @@ async def live(
     is there. A client that comes back with `Last-Event-ID` gets what it missed. At most ten frames a second are sent,
     of at most ten slots each: where the market is faster, positions jump, and `/v1/history` has what lies between.
     """
-    if last_event_id is not None and last_event_id.isdecimal():
-        since = int(last_event_id)
+    if last_event_id is not None:
+        since = last_event_id
     return EventStream(frames.follow(since, await missed(link, since)))
 
 
@@ -119,7 +121,7 @@ async def live_socket(socket: WebSocket, link: Link, since: Since = None) -> Non
         access: Access = socket.app.state.access
         access.check(socket, "read")
     except Problem as problem:
-        await socket.close(1008, str(problem)[:120])
+        await socket.close(1008, problem.detail[:120])
         return
     await socket.accept()
     following = frames.follow(since, await missed(link, since))
@@ -162,7 +164,11 @@ async def missed(link: MarketLink, since: int | None) -> list[Slot]:
     if start >= end:
         return []
     with contextlib.suppress(Problem, ZengridError):
-        reply = await link.ask(lambda client: client.history(start, end - start))
-        fields = set(PublicSlot.model_fields)
-        return [Slot(slot.position, slot.model_dump_json(include=fields).encode()) for slot in reply.slots]
+        return await link.ask(lambda client: _slots(client.history(start, end - start)))
     return []
+
+
+def _slots(reply: HistoryReply) -> list[Slot]:
+    """Slots of the clock's reply, encoded as it publishes them."""
+    fields = set(PublicSlot.model_fields)
+    return [Slot(slot.position, slot.model_dump_json(include=fields).encode()) for slot in reply.slots]

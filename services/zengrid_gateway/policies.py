@@ -15,6 +15,7 @@ from zengrid.errors import BusError, RefusedError
 from zengrid.wire.base import AgentId
 from zengrid.wire.requests import AgentStatus, PolicyReply, PolicyRequest, Status
 from zengrid_gateway.archive import Archive, ArchiveOf
+from zengrid_gateway.bodies import BodyRoute
 from zengrid_gateway.invalid import FieldError
 from zengrid_gateway.link import Link, MarketLink
 from zengrid_gateway.problems import Problem, documented
@@ -26,11 +27,16 @@ ROWS = 10_000
 BATCH_NUMBERS = 2000
 """Numbers in a message that fits one of Zenoh's batches of 64 KiB."""
 
-router = APIRouter(tags=["policies"])
+router = APIRouter(tags=["policies"], route_class=BodyRoute)
 
 Agent = Annotated[AgentId, Path(examples=["p1"])]
 Number = Annotated[float, Field(ge=-1e9, le=1e9)]
-Numbers = Annotated[list[Number], Field(min_length=1, max_length=ROWS)]
+Numbers = Annotated[list[Number], Field(min_length=1, max_length=ROWS, fail_fast=True)]
+Rows = Annotated[
+    list[Annotated[list[Number], Field(min_length=1, max_length=BATCH_NUMBERS, fail_fast=True)]],
+    Field(min_length=1, max_length=ROWS, fail_fast=True),
+]
+"""Validation stops at the first wrong number: all of them may be wrong."""
 ONE_OF_BOTH: list[Any] = [
     {"required": ["quantities"], "properties": {"quantities": {"type": "object"}}},
     {"required": ["observations"], "properties": {"observations": {"type": "array"}}},
@@ -95,9 +101,7 @@ class PolicyQuestion(BaseModel):
         default=None,
         description="Numbers, or lists of one length; `hour` gives the time of day. What is left out is as it is now.",
     )
-    observations: list[Annotated[list[Number], Field(min_length=1)]] | None = Field(
-        default=None, min_length=1, max_length=ROWS, description="Rows in the order of the policy's features."
-    )
+    observations: Rows | None = Field(default=None, description="Rows in the order of the policy's features.")
     home: AgentId | None = Field(default=None, description="Whose limits to use; null: the agent's first home.")
 
     @model_validator(mode="after")
@@ -163,10 +167,10 @@ async def query(link: Link, archive: ArchiveOf, shelf: ShelfOf, agent: Agent, qu
     features = (await asker.probe(status)).features
     now = present(status, agent, question.home)
     try:
-        rows = observations(features, question.quantities, now)
+        rows = await asyncio.to_thread(observations, features, question.quantities, now)
     except QuantityError as error:
-        wrong = FieldError(field=f"body.quantities.{error.name}", value=str(error.value)[:200], allowed=error.allowed)
-        raise Problem("invalid", f"quantities.{error}"[:500], errors=[wrong]) from None
+        wrong = FieldError(field=f"body.quantities.{error.name}", value=error.value, allowed=error.allowed)
+        raise Problem("invalid", f"quantities.{error}", errors=[wrong]) from None
     return await asker.ask(rows)
 
 
@@ -226,7 +230,7 @@ class Asker:
         """Portion by portion: the clock's session passes a message on at once only where it fits one batch."""
         portion = max(BATCH_NUMBERS // max(len(row) for row in rows), 1)
         replies = [
-            await self._link.ask(self._question(rows[start : start + portion]))
+            await self._link.ask_agent(self._question(rows[start : start + portion]))
             for start in range(0, len(rows), portion)
         ]
         whole = replies[0]

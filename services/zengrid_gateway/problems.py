@@ -14,16 +14,16 @@ from starlette.exceptions import HTTPException
 
 from zengrid.errors import BusError, JournalUnavailableError, RefusedError, ZengridError
 from zengrid_gateway import invalid
-from zengrid_gateway.invalid import FieldError
+from zengrid_gateway.invalid import EXPLAINED, FieldError, short
 
-MAX_BODY_BYTES = 2 * 2**20
-"""Largest request."""
 MEDIA_TYPE = "application/problem+json"
+DETAIL = 2000
+"""Longest detail. [characters]"""
 
 Kind = Literal[
     "market-away", "agent-away", "journal-away", "no-slot", "no-spawner", "busy", "unauthorized", "forbidden",
     "not-found", "method-not-allowed", "refused", "length-required", "too-large", "misdirected", "invalid", "too-many",
-    "failed",
+    "malformed", "url-too-long", "headers-too-large", "failed",
 ]  # fmt: skip
 
 CATALOGUE: Mapping[Kind, tuple[int, str, str]] = {
@@ -46,6 +46,9 @@ CATALOGUE: Mapping[Kind, tuple[int, str, str]] = {
     "length-required": (411, "Length required", "Content-Length: missing; a body must come with its length"),
     "too-large": (413, "Too large", "body: more than 2 MiB"),
     "misdirected": (421, "Not this server", "Host = example.org: this gateway answers to localhost alone"),
+    "malformed": (400, "Malformed request", "request: does not follow HTTP/1.1"),
+    "url-too-long": (414, "URL too long", "URL = /v1/history?since=0&since=0...: 8192 bytes at most"),
+    "headers-too-large": (431, "Headers too large", "headers: more than 100; 100 at most"),
     "too-many": (429, "Too many requests", "requests: more than 100 a second; go on in 1 s"),
     "failed": (500, "The gateway failed", "an error that is not yours; the gateway's log has it"),
 }
@@ -54,7 +57,9 @@ CATALOGUE: Mapping[Kind, tuple[int, str, str]] = {
 
 REFUSALS: Mapping[str, Kind] = {"invalid": "invalid", "unknown": "not-found", "unavailable": "market-away"}
 """What the other side's reasons mean here; all others are conflicts."""
-ANYWHERE: tuple[Kind, ...] = ("unauthorized", "misdirected", "too-many", "failed")
+ANYWHERE: tuple[Kind, ...] = (
+    "malformed", "url-too-long", "headers-too-large", "unauthorized", "misdirected", "too-many", "failed",
+)  # fmt: skip
 """Problems that any request can meet."""
 
 
@@ -67,26 +72,42 @@ class ProblemDetails(BaseModel):
     title: str
     status: int
     detail: str = Field(description="The thing, its value and what is permitted.")
-    errors: list[FieldError] = Field(default_factory=list, description="Field by field, where a request was invalid.")
+    errors: list[FieldError] = Field(
+        default_factory=list, description=f"Field by field, where a request was invalid: the first {EXPLAINED}."
+    )
+    more: int = Field(default=0, description="Invalid fields that `errors` does not list.")
 
 
-class Problem(Exception):  # noqa: N818 - RFC 9457 calls it so
+class Problem(HTTPException):
     """Raised by a route to answer with a problem."""
 
     def __init__(
-        self, kind: Kind, detail: str, *, errors: Sequence[FieldError] = (), headers: Mapping[str, str] | None = None
+        self,
+        kind: Kind,
+        detail: str,
+        *,
+        errors: Sequence[FieldError] = (),
+        more: int = 0,
+        headers: Mapping[str, str] | None = None,
     ) -> None:
-        super().__init__(detail)
+        status, self.title, _ = CATALOGUE[kind]
+        super().__init__(status, short(detail, DETAIL), headers)
         self.kind = kind
         self.errors = list(errors)
-        self.headers = headers
+        self.more = more
 
     def response(self) -> Response:
         """As it is sent."""
-        status, title, _ = CATALOGUE[self.kind]
-        body = ProblemDetails(type=urn(self.kind), title=title, status=status, detail=str(self), errors=self.errors)
-        headers = {"retry-after": "1"} if status == HTTPStatus.SERVICE_UNAVAILABLE else {}
-        return Response(body.model_dump_json(), status, {**headers, **(self.headers or {})}, MEDIA_TYPE)
+        body = ProblemDetails(
+            type=urn(self.kind),
+            title=self.title,
+            status=self.status_code,
+            detail=self.detail,
+            errors=self.errors,
+            more=self.more,
+        )
+        headers = {"retry-after": "1"} if self.status_code == HTTPStatus.SERVICE_UNAVAILABLE else {}
+        return Response(body.model_dump_json(), self.status_code, {**headers, **(self.headers or {})}, MEDIA_TYPE)
 
 
 def urn(kind: Kind) -> str:
@@ -99,7 +120,7 @@ def documented(*kinds: Kind) -> dict[int | str, dict[str, Any]]:
     responses: dict[int | str, dict[str, Any]] = {}
     for kind in (*kinds, *ANYWHERE):
         status, title, example = CATALOGUE[kind]
-        body = {"type": urn(kind), "title": title, "status": status, "detail": example, "errors": []}
+        body = {"type": urn(kind), "title": title, "status": status, "detail": example, "errors": [], "more": 0}
         media = {
             "schema": {"$ref": "#/components/schemas/Problem"},
             "examples": {kind: {"summary": title, "value": body}},
@@ -136,15 +157,15 @@ async def _invalid(request: Request, error: Exception) -> Response:
     def names(place: invalid.Place) -> list[str]:
         return invalid.fields(request.app.openapi(), request.scope["route"].path, request.method, place)
 
-    errors = invalid.explain(found, error.body, names)
+    errors, more = invalid.explain(found, error.body, names)
     first = errors[0]
-    return Problem("invalid", f"{first.field} = {first.value}: {first.allowed}", errors=errors).response()
+    return Problem("invalid", f"{first.field} = {first.value}: {first.allowed}", errors=errors, more=more).response()
 
 
 async def _http(request: Request, error: Exception) -> Response:
     """What the routing itself refuses."""
     assert isinstance(error, HTTPException)
-    path = request.url.path[:200]
+    path = short(request.scope["path"])
     if error.status_code == HTTPStatus.NOT_FOUND:
         return Problem("not-found", f"{path}: there is no such page").response()
     if error.status_code == HTTPStatus.METHOD_NOT_ALLOWED:
@@ -158,7 +179,7 @@ def _methods(request: Request) -> list[str]:
     """What a path allows, of all routes that share it; the routing names those of the first alone."""
     methods: list[str] = []
     for template, operations in request.app.openapi()["paths"].items():
-        if re.fullmatch(re.sub(r"{\w+}", "[^/]+", template), request.url.path):
+        if re.fullmatch(re.sub(r"{\w+}", "[^/]+", template), request.scope["path"]):
             methods += [method.upper() for method in operations]
     return sorted([*methods, "HEAD"] if "GET" in methods else methods)
 

@@ -7,13 +7,17 @@ from collections.abc import Mapping, Sequence
 
 from zengrid.core.observe import ObservationKind, grid_features, prosumer_features
 from zengrid.wire.requests import Status
+from zengrid_gateway.invalid import short, shown
+
+NUMBERS = 200_000
+"""Most numbers in all observations together."""
 
 
 class QuantityError(ValueError):
     """A quantity that cannot be used: which, its value, and what is allowed."""
 
     def __init__(self, name: str, value: object, allowed: str) -> None:
-        super().__init__(f"{name} = {value}: {allowed}")
+        super().__init__(f"{short(name)} = {shown(value)}: {allowed}")
         self.name = name
         self.value = value
         self.allowed = allowed
@@ -60,18 +64,23 @@ def observations(
     Raises
     ------
     QuantityError
-        A name that the policy does not ask for, lists of different lengths, or no present value.
+        A name that the policy does not ask for, lists of different lengths or too long, or no present value.
     """
     names = [name for name in features if name not in ("time_sin", "time_cos")]
     names += ["hour"] if "time_sin" in features else []
+    known = set(names)
     for name, value in given.items():
-        if name not in names:
+        if name not in known:
             raise QuantityError(name, value, f"this policy looks at {', '.join(names)}")
     lengths = {name: len(value) for name, value in given.items() if not isinstance(value, float | int)}
     rows = max(lengths.values(), default=1)
     for name, length in lengths.items():
         if length != rows:
             raise QuantityError(name, f"{length} values", f"lists must have one length; the longest has {rows}")
+        if rows * len(features) > NUMBERS:
+            raise QuantityError(
+                name, f"{length} values", f"{NUMBERS // len(features)} at most for {len(features)} features"
+            )
     columns = {}
     for name in names:
         if name not in given and name not in now:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import PurePath
 from typing import Annotated, Any, Literal
 
@@ -15,6 +17,9 @@ from zengrid_gateway.link import Link
 from zengrid_gateway.problems import documented
 
 router = APIRouter(tags=["market"])
+
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
 EXAMPLE = {
     "name": "paper",
@@ -53,16 +58,23 @@ async def scenario(
         past = await archive.past(run)
         assert isinstance(past, JournalPast)
         text = await asyncio.to_thread(past.run.scenario)
-    fields = await asyncio.to_thread(_read, text)
-    if format == "yaml":
-        body = yaml.safe_dump(fields, sort_keys=False, allow_unicode=True, width=120).encode()
-        return Response(body, media_type="application/yaml")
-    return Response(to_json(fields), media_type="application/json")
+    return Response(await asyncio.to_thread(_write, text, format), media_type=f"application/{format}")
 
 
-def _read(text: str) -> dict[str, Any]:
+@lru_cache(maxsize=4)
+def _write(text: str, format: Literal["json", "yaml"]) -> bytes:
+    """Encode a scenario. Takes seconds for thousands of homes, and the scenario of a run never changes."""
+    fields = read(text)
+    if format == "json":
+        return to_json(fields)
+    written: str = yaml.dump(fields, Dumper=_DUMPER, sort_keys=False, allow_unicode=True, width=120)
+    return written.encode()
+
+
+@lru_cache(maxsize=2)
+def read(text: str) -> Mapping[str, Any]:
     """The fields, without the folders that data lies in: they are this machine's own business."""
-    fields: dict[str, Any] = yaml.load(text, getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+    fields: dict[str, Any] = yaml.load(text, _LOADER)
     data = fields.get("data")
     if isinstance(data, dict):
         for name in ("path", "file"):

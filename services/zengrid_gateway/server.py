@@ -14,6 +14,7 @@ from zengrid import logs
 from zengrid.errors import BusError
 from zengrid_gateway.link import MarketLink
 from zengrid_gateway.log import log_config
+from zengrid_gateway.protocol import BoundedProtocol
 from zengrid_gateway.settings import Settings
 
 BACKLOG = 2048
@@ -63,7 +64,7 @@ def serve(app: FastAPI, settings: Settings) -> None:
         config = uvicorn.Config(
             app,
             loop="uvloop",
-            http="httptools",
+            http=BoundedProtocol,
             ws="websockets-sansio",
             lifespan="on",
             log_level="warning",

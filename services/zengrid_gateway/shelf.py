@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 from pathlib import Path, PurePath
 from typing import Annotated
 
 import numpy as np
-import yaml
 from fastapi import Depends
 from starlette.requests import HTTPConnection
 
@@ -18,6 +18,7 @@ from zengrid.wire.requests import PolicyReply
 from zengrid_gateway.archive import Archive, JournalPast
 from zengrid_gateway.link import MarketLink
 from zengrid_gateway.problems import Problem
+from zengrid_gateway.scenario import read
 
 SUFFIX = ".safetensors"
 
@@ -75,10 +76,10 @@ async def home_spec(link: MarketLink, archive: Archive, home: str) -> HomeSpec:
     """A home as it was described when it joined, or by the scenario."""
     past = await archive.current()
     if isinstance(past, JournalPast):
-        roster = past.run.roster()
+        roster = await asyncio.to_thread(past.run.roster)
         found = [spec for name, spec in zip(roster.homes, roster.specs, strict=True) if name == home]
     else:
-        fields = yaml.safe_load(await link.ask(lambda client: client.scenario()))
+        fields = await asyncio.to_thread(read, await link.ask(lambda client: client.scenario()))
         found = [spec for spec in fields.get("homes", ()) if spec["id"] == home]
     if not found:
         raise Problem(

@@ -11,10 +11,11 @@ from zengrid.scenario import HomeSpec
 from zengrid.wire.base import AgentId
 from zengrid.wire.spawner import ProcessStatus, SpawnerStatus, SpawnRequest, StopRequest
 from zengrid_gateway.access import OPERATE
+from zengrid_gateway.bodies import BodyRoute
 from zengrid_gateway.link import Link, MarketLink
 from zengrid_gateway.problems import Problem, documented
 
-router = APIRouter(tags=["prosumers"])
+router = APIRouter(tags=["prosumers"], route_class=BodyRoute)
 
 
 EXAMPLES: list[Any] = [
@@ -53,7 +54,7 @@ class Spawners(BaseModel):
 @router.get("/v1/spawners", responses=documented("market-away"))
 async def spawners(link: Link) -> Spawners:
     """Who can start prosumers, and which run there."""
-    return Spawners(spawners=await link.ask(lambda client: client.spawners()))
+    return Spawners(spawners=await link.ask_agent(lambda client: client.spawners()))
 
 
 @router.post(
@@ -76,7 +77,7 @@ async def start(
     home = HomeSpec.model_validate(prosumer.model_dump(exclude={"policy"}))
     request = SpawnRequest(home=home, policy=prosumer.policy, key=idempotency_key)
     chosen = await _choose(link, home.id, prosumer.policy)
-    process = await link.ask(lambda client: client.spawn(chosen, request))
+    process = await link.ask_agent(lambda client: client.spawn(chosen, request))
     link.forget_homes()
     response.headers["location"] = f"/v1/prosumers/{home.id}"
     return StartedProsumer(spawner=chosen, process=process)
@@ -90,7 +91,7 @@ async def start(
 )
 async def stop(link: Link, id: Annotated[AgentId, Path(examples=["p4"])]) -> None:
     """Take a home out of the market by ending its process, where a spawner has started it."""
-    for spawner in await link.ask(lambda client: client.spawners()):
+    for spawner in await link.ask_agent(lambda client: client.spawners()):
         if any(process.id == id for process in spawner.processes):
             await _stop(link, spawner.spawner, id)
             return
@@ -101,13 +102,13 @@ async def stop(link: Link, id: Annotated[AgentId, Path(examples=["p4"])]) -> Non
 
 
 async def _stop(link: MarketLink, spawner: str, home: str) -> None:
-    await link.ask(lambda client: client.stop_process(spawner, StopRequest(id=home)))
+    await link.ask_agent(lambda client: client.stop_process(spawner, StopRequest(id=home)))
     link.forget_homes()
 
 
 async def _choose(link: MarketLink, home: str, policy: str) -> str:
     """The spawner that has this home already, else of those that know the policy the one with most room."""
-    found = await link.ask(lambda client: client.spawners())
+    found = await link.ask_agent(lambda client: client.spawners())
     if not found:
         raise Problem("no-spawner", f"run {link.run}: has no spawner; start one with: zengrid spawner")
     for spawner in found:

@@ -20,7 +20,25 @@ EXAMPLES = 5
 """Questions to each route; the slow test asks more."""
 
 # Besides the codes that Schemathesis takes for a refusal: no length, too large, not this server.
-REFUSALS = ["400", "401", "403", "404", "405", "406", "409", "411", "413", "415", "421", "422", "428", "429", "5xx"]
+REFUSALS = [
+    "400",
+    "401",
+    "403",
+    "404",
+    "405",
+    "406",
+    "409",
+    "411",
+    "413",
+    "414",
+    "415",
+    "421",
+    "422",
+    "428",
+    "429",
+    "431",
+    "5xx",
+]
 CONFIG = schemathesis.Config.from_dict(
     {"request-timeout": 60, "checks": {"negative_data_rejection": {"expected-statuses": REFUSALS}}}
 )

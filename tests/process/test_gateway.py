@@ -259,6 +259,18 @@ def test_pages_of_other_sites_cannot_steer(gateway: Gateway) -> None:
     assert gateway.get("/v1/price", 421, headers={"host": "elsewhere.example"})["type"] == "urn:zengrid:misdirected"
 
 
+@pytest.mark.parametrize("host", ["localhost", "LOCALHOST:1", "127.0.0.1:80", "127.0.0.2", "[::1]", "[::1]:8080"])
+def test_names_of_this_machine(gateway: Gateway, host: str) -> None:
+    assert gateway.get("/healthz", headers={"host": host}) == {"status": "ok"}
+
+
+@pytest.mark.parametrize(
+    "host", ["[::1].evil.com", "[::1]evil.com:80", "localhost.evil.com", "evil.com:80", "[::1", ":80"]
+)
+def test_names_of_other_machines(gateway: Gateway, host: str) -> None:
+    assert gateway.get("/healthz", 421, headers={"host": host})["type"] == "urn:zengrid:misdirected"
+
+
 def test_metrics(gateway: Gateway) -> None:
     text = gateway.http.get("/metrics").text
     lines = dict(line.rsplit(" ", 1) for line in text.splitlines() if not line.startswith("#"))

@@ -61,13 +61,13 @@ def test_tokens_are_kept_as_hashes_and_shown_once(guarded: Gateway) -> None:
     assert not any(token in path.read_text() for token in made.values())
     with gateway(market, "--protect", "everything", "--tokens", str(path)) as again:
         assert tokens(again) == {}
-        assert again.get("/v1/price", headers=bearer(made["read"]))["run"] == "test"
+        assert again.get("/v1/market", headers=bearer(made["read"]))["run"] == "test"
 
 
 def test_writing_alone_can_be_protected(open_one: Gateway) -> None:
     path = open_one.market.folder / "other" / "tokens.json"
     with gateway(open_one.market, "--protect", "writing", "--tokens", str(path)) as it:
-        assert it.get("/v1/price")["run"] == "test"
+        assert it.get("/v1/market")["run"] == "test"
         assert it.post("/v1/control", PAUSE, 401)["status"] == 401
         assert it.http.delete("/v1/prosumers/p1").status_code == 401
 

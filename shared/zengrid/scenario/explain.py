@@ -38,7 +38,8 @@ def explain(error: ValidationError, given: object, line_of: Callable[[Place], in
         line = line_of(at) if line_of is not None else None
         lines.setdefault(at, text if line is None else f"line {line}: {text}")
     # A union that tried a single value and a mapping reports the field and its members: the members say more.
-    lines = {at: text for at, text in lines.items() if not any(at == other[: len(at)] != other for other in lines)}
+    outer = {at[:depth] for at in lines for depth in range(len(at))}
+    lines = {at: text for at, text in lines.items() if at not in outer}
     shown = list(lines.values())[:_SHOWN]
     if len(lines) > _SHOWN:
         shown.append(f"and {len(lines) - _SHOWN} more")

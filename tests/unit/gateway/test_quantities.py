@@ -7,7 +7,7 @@ import math
 import pytest
 
 from zengrid.core.observe import prosumer_features, time_features
-from zengrid_gateway.quantities import QuantityError, observations
+from zengrid_gateway.quantities import NUMBERS, QuantityError, observations
 
 NOW = {"soc": 0.5, "pv_kw": 1.0, "load_kw": 2.0, "buy_price": 0.05, "sell_price": 0.09, "hour": 6.0}
 
@@ -29,6 +29,7 @@ def test_the_hour_becomes_sine_and_cosine() -> None:
     [
         ({"colour": 1.0}, "colour"),
         ({"soc": [0.1, 0.2], "pv_kw": [1.0, 2.0, 3.0]}, "soc"),
+        ({"soc": [0.1] * (NUMBERS // 7 + 1)}, "soc"),
     ],
 )
 def test_what_cannot_be_used(given: dict[str, float | list[float]], name: str) -> None:
