@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from zengrid.policy.facts import MarketFacts
     from zengrid.policy.file import Role
 
-CHECKPOINT = ".pt"
+CHECKPOINT = ".checkpoint"
 """Of files from which a learner goes on."""
 SAVE_S = 10.0
 """How often it is written down what was learned. [s]"""

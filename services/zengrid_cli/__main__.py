@@ -64,7 +64,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return run(words[0], words[1:])
     except ZengridError as error:
-        print(f"zengrid {words[0]}: {error}", file=sys.stderr)
+        from zengrid import logs
+
+        print(f"zengrid {words[0]}: {logs.printable(str(error))}", file=sys.stderr)
         return 1
     except BrokenPipeError:
         # Whoever read the output has seen enough; Python would complain when it flushes at the end.

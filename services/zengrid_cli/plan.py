@@ -92,7 +92,7 @@ class Plan:
 
     def spawner(self) -> ProcessSpec:
         """Starts the homes that are added on the web page, as processes of its own."""
-        words = ["zengrid_spawner", *self._bus, "--logs", str(self.folder)]
+        words = ["zengrid_spawner", *self._bus, "--logs", str(self.folder / "spawner")]
         return self._spec(SPAWNER, "zengrid_cli.after_first_slot", words, restarts=Restarts())
 
     def table(self, where: str, *, live: bool) -> ProcessSpec:

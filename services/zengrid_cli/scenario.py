@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from zengrid import logs
 from zengrid.errors import ScenarioError
 
 if TYPE_CHECKING:
@@ -36,12 +37,13 @@ def show(
 ) -> None:
     """Describe a scenario: its homes, consumers, facilities and prices, and one of its days."""
     from rich.console import Console
+    from rich.markup import escape
 
     loaded, days = _load(scenario, data, seed)
     console = Console()
-    console.print(f"[bold]{loaded.name}[/]  {loaded.title}", highlight=False)
+    console.print(f"[bold]{loaded.name}[/]  {escape(logs.printable(loaded.title))}", highlight=False)
     if loaded.description:
-        console.print(loaded.description, style="dim", highlight=False)
+        console.print(logs.printable(loaded.description), style="dim", markup=False, highlight=False)
     for table in (_facts(loaded, days), _homes(loaded), _facilities(loaded), _day(loaded, days, day, console)):
         console.print()
         console.print(table)
@@ -98,7 +100,7 @@ def _load(name: str, data: Path | None, seed: int | None) -> tuple[Scenario, Day
 def _refused(error: ScenarioError) -> typer.Exit:
     from rich.console import Console
 
-    Console(stderr=True).print(str(error), style="red", markup=False, highlight=False, soft_wrap=True)
+    Console(stderr=True).print(logs.printable(str(error)), style="red", markup=False, highlight=False, soft_wrap=True)
     return typer.Exit(1)
 
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from zengrid import logs
 from zengrid.errors import ZengridError
 from zengrid.processes import Event, Signals, Supervisor, describe
+from zengrid.processes.log import append, make_folder
 from zengrid_cli.endpoint import choose_endpoint, choose_http_port
 from zengrid_cli.options import HTTP_PORT, up_parser
 from zengrid_cli.plan import CLOCK, GATEWAY, SPAWNER, TABLE, Plan
@@ -69,8 +70,8 @@ class Local:
     def _start(self) -> None:
         # What all need is loaded once and shared, then they are forked: the clock first, since it needs longest.
         scenario = self._load()
-        self.plan.folder.mkdir(parents=True, exist_ok=True)
-        self.plan.events.write_text("")
+        make_folder(self.plan.folder)
+        self.plan.events.unlink(missing_ok=True)
         if self.options.learn:
             # It takes seconds, which a clock that runs already would count as its agents' delay.
             import_module("zengrid_agent.learning").load_torch()
@@ -101,8 +102,7 @@ class Local:
 
     def _write(self, text: str) -> None:
         """A line among the events, and where no table shows these, on the terminal."""
-        with self.plan.events.open("a", encoding="utf-8") as log:
-            log.write(f"{time.strftime('%H:%M:%S')} {text}\n")
+        append(self.plan.events, f"{time.strftime('%H:%M:%S')} {logs.printable(text)}")
         if not self.live:
             logs.say(text)
 
@@ -173,8 +173,7 @@ class Local:
         text = f"{event.text} ({words[-1]})" if words else event.text
         if event.kind == "started" and "again" not in event.text:
             return
-        with self.plan.events.open("a", encoding="utf-8") as log:
-            log.write(f"{time.strftime('%H:%M:%S')} {text}\n")
+        append(self.plan.events, f"{time.strftime('%H:%M:%S')} {logs.printable(text)}")
         if event.kind == "hopeless":
             # Nothing runs that could be saved: say what is wrong instead of running a market without this process.
             self.trouble = self.trouble or "\n  ".join(words[-1:] if len(words) == 1 else [event.text, *words])

@@ -12,6 +12,7 @@ from fastapi.exceptions import RequestValidationError
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.exceptions import HTTPException
 
+from zengrid import logs
 from zengrid.errors import BusError, JournalUnavailableError, RefusedError, ZengridError
 from zengrid_gateway import invalid
 from zengrid_gateway.invalid import EXPLAINED, FieldError, short
@@ -102,7 +103,7 @@ class Problem(HTTPException):
             type=urn(self.kind),
             title=self.title,
             status=self.status_code,
-            detail=self.detail,
+            detail=logs.printable(self.detail),
             errors=self.errors,
             more=self.more,
         )

@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import PurePath
 from typing import Annotated, Any, Literal
 
-import yaml
 from fastapi import APIRouter, Query, Response
 from pydantic_core import to_json
 
+from zengrid.scenario.files import parse, write
 from zengrid_gateway.archive import ArchiveOf, JournalPast
 from zengrid_gateway.link import Link
 from zengrid_gateway.problems import documented
 
 router = APIRouter(tags=["market"])
-
-_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-_DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
 EXAMPLE = {
     "name": "paper",
@@ -67,14 +63,13 @@ def _write(text: str, format: Literal["json", "yaml"]) -> bytes:
     fields = read(text)
     if format == "json":
         return to_json(fields)
-    written: str = yaml.dump(fields, Dumper=_DUMPER, sort_keys=False, allow_unicode=True, width=120)
-    return written.encode()
+    return write(fields).encode()
 
 
 @lru_cache(maxsize=2)
-def read(text: str) -> Mapping[str, Any]:
+def read(text: str) -> dict[str, Any]:
     """The fields, without the folders that data lies in: they are this machine's own business."""
-    fields: dict[str, Any] = yaml.load(text, _LOADER)
+    fields = parse(text)
     data = fields.get("data")
     if isinstance(data, dict):
         for name in ("path", "file"):

@@ -8,6 +8,7 @@ from fastapi import APIRouter, Header, Path, Response
 from pydantic import BaseModel, ConfigDict, Field
 
 from zengrid.scenario import HomeSpec
+from zengrid.scenario.home import Printable
 from zengrid.wire.base import AgentId
 from zengrid.wire.spawner import ProcessStatus, SpawnerStatus, SpawnRequest, StopRequest
 from zengrid_gateway.access import OPERATE
@@ -33,9 +34,9 @@ EXAMPLES: list[Any] = [
 class NewProsumer(HomeSpec):
     """A home, as scenarios describe it, and what decides for it."""
 
-    model_config = ConfigDict(strict=True, json_schema_extra={"examples": EXAMPLES}, defer_build=False)
+    model_config = ConfigDict(json_schema_extra={"examples": EXAMPLES}, defer_build=False)
 
-    policy: str = Field(default="trained", max_length=200, description="A policy that the spawner knows.")
+    policy: Printable = Field(default="trained", max_length=200, description="A policy that the spawner knows.")
 
 
 class StartedProsumer(BaseModel):
@@ -70,7 +71,7 @@ async def start(
     response: Response,
     prosumer: NewProsumer,
     idempotency_key: Annotated[
-        str, Header(max_length=200, description="Chosen by the client: the same key again starts nothing again.")
+        Printable, Header(max_length=200, description="Chosen by the client: the same key again starts nothing again.")
     ] = "",
 ) -> StartedProsumer:
     """Add a home with a process of its own; it counts from the next slot on. Answers when it takes part."""

@@ -9,6 +9,8 @@ import secrets
 from pathlib import Path
 from typing import Literal, get_args
 
+from pydantic_core import from_json
+
 from zengrid.errors import ZengridError
 
 Role = Literal["read", "operate"]
@@ -53,7 +55,7 @@ class Tokens:
     def _read(cls, path: Path) -> Tokens:
         wrong = ZengridError(f'--tokens {path}: permitted is {{"sha256 of a token": "read" or "operate", ...}}')
         try:
-            roles = json.loads(path.read_text(encoding="utf-8"))
+            roles = from_json(path.read_bytes())
         except ValueError:
             raise wrong from None
         if not isinstance(roles, dict) or not all(role in get_args(Role) for role in roles.values()):

@@ -12,6 +12,7 @@ from zengrid.bus.credentials import SPAWNER
 from zengrid.bus.options import add_bus_options
 from zengrid.bus.spawner import SpawnerLink
 from zengrid.errors import ZengridError
+from zengrid.processes.log import make_folder
 from zengrid_spawner.service import Inbox, Spawner
 from zengrid_spawner.settings import Settings, default_logs, default_name
 
@@ -64,7 +65,7 @@ def main(arguments: list[str] | None = None) -> int:
         policies=options.policies,
     )
     try:
-        settings.logs.mkdir(parents=True, exist_ok=True)
+        make_folder(settings.logs)
         inbox: Inbox = SimpleQueue()
         with SpawnerLink(settings.name, settings.run, settings.endpoint, on_event=inbox.put, certs=settings.certs):
             what = f"up to {settings.limit} prosumers in run {settings.run} at {settings.endpoint}"

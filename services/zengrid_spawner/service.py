@@ -6,7 +6,7 @@ import os
 import signal
 import socket
 import time
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from dataclasses import dataclass, field
 from queue import Empty, SimpleQueue
 from typing import Literal
@@ -17,7 +17,7 @@ from zengrid import logs
 from zengrid.bus.credentials import Credentials
 from zengrid.bus.hub import Query
 from zengrid.bus.spawner import SpawnerEvent
-from zengrid.errors import PolicyError, SecurityError, WireError
+from zengrid.errors import SecurityError, ZengridError
 from zengrid.processes import Event, ProcessSpec, Restarts, Supervisor
 from zengrid.processes.start import spawn
 from zengrid.wire.codec import decode, encode
@@ -31,10 +31,20 @@ MEMORY_S = 5.0
 """How often memory is looked at. [s]"""
 TYPICAL_MB = 80.0
 """Memory that one more prosumer is expected to need. [MiB]"""
+TROUBLED_S = 1.0
+"""Wait until processes are looked after again, where that has failed. [s]"""
 KEYS = 10_000
 """Most keys of requests that are remembered."""
 
 Inbox = SimpleQueue[SpawnerEvent | Literal["child", "end"]]
+
+
+class RequestRefused(Exception):  # noqa: N818 - an answer, not an error
+    """Why a request is not granted."""
+
+    def __init__(self, reason: RefusalReason, message: str) -> None:
+        super().__init__(message)
+        self.reason: RefusalReason = reason
 
 
 @dataclass(slots=True)
@@ -45,6 +55,8 @@ class Child:
     starts: int = 0
     stopping: bool = False
     given_up: bool = False
+    trouble: str = ""
+    """What happened to it last, where that was no good."""
     asked: list[Query] = field(default_factory=list)
     """Questions to answer once it takes part."""
     asked_to_stop: list[Query] = field(default_factory=list)
@@ -63,6 +75,9 @@ class Spawner:
         self._present: set[str] = set()
         self._supervisor = Supervisor(self._tell, start=spawn)
         self._memory_due = 0.0
+        self._ending = False
+        self._refused: Counter[str] = Counter()
+        """Requests refused, by cause such as ``spawn_invalid``."""
 
     # ---------------------------------------------------------------- lifecycle
 
@@ -71,9 +86,25 @@ class Spawner:
         for number, item in ((signal.SIGCHLD, "child"), (signal.SIGTERM, "end"), (signal.SIGINT, "end")):
             signal.signal(number, lambda *_, item=item: self._inbox.put(item))
         with self._supervisor:
-            while self._take(self._idle_s()):
+            while self._go_on():
                 pass
             self._end()
+
+    def _go_on(self) -> bool:
+        """Look after the processes and handle one event; False when asked to end.
+
+        Whatever goes wrong with one process or event: all others go on.
+        """
+        idle_s = TROUBLED_S
+        try:
+            idle_s = self._idle_s()
+        except Exception as error:  # noqa: BLE001
+            logs.unexpected("while it looked after its processes", error)
+        try:
+            return self._take(idle_s)
+        except Exception as error:  # noqa: BLE001
+            logs.unexpected("while it handled an event", error)
+            return True
 
     def _idle_s(self) -> float:
         """Look after the processes; returns how long there is nothing to do. [s]"""
@@ -109,14 +140,16 @@ class Spawner:
 
     def _end(self) -> None:
         """Let all homes leave the market, and end."""
+        self._ending = True
         for name in self._supervisor.alive():
             self._supervisor.stop(name)
         while self._supervisor.alive():
-            self._take(self._supervisor.poll())
+            self._go_on()
 
     # ---------------------------------------------------------------- questions
 
     def _reply(self, event: SpawnerEvent, query: Query) -> None:
+        """Do what is asked for, or say why not: a question can be anything, and ends nothing but itself."""
         try:
             if event.kind == "spawn":
                 self._spawn(decode(SpawnRequest, query.payload), query)
@@ -124,8 +157,18 @@ class Spawner:
                 self._stop(decode(StopRequest, query.payload), query)
             else:
                 query.reply(encode(self._status()))
-        except (WireError, PolicyError) as error:
-            query.refuse("invalid", str(error))
+        except RequestRefused as error:
+            self._refuse(query, event.kind, error.reason, str(error))
+        except ZengridError as error:
+            self._refuse(query, event.kind, "invalid", str(error))
+        except Exception as error:  # noqa: BLE001
+            logs.unexpected(f"in a request ({event.kind})", error)
+            self._refuse(query, event.kind, "unavailable", f"{type(error).__name__}: {error}")
+
+    def _refuse(self, query: Query, asked: str, reason: RefusalReason, message: str) -> None:
+        self._refused[f"{asked}_{reason}"] += 1
+        logs.note("info", f"{asked} refused", reason=reason, why=message)
+        query.refuse(reason, logs.printable(message))
 
     def _spawn(self, request: SpawnRequest, query: Query) -> None:
         """Start a process; the answer follows when it takes part, or has failed."""
@@ -133,56 +176,56 @@ class Spawner:
         known = self._children.get(self._keys.get(request.key, "")) if request.key else None
         if known is not None:
             if known.request != request:
-                query.refuse("taken", f"key = {request.key}: was used for another request; choose a new one")
-                return
+                raise RequestRefused("taken", f"key = {request.key}: was used for another request; choose a new one")
             known.asked.append(query)
             self._answer_if_ready(known)
             return
-        refusal = self._refusal(name)
-        if refusal is not None:
-            query.refuse(*refusal)
-            return
         spec = self._spec(request)
-        if request.key:
+        self._check_room(name)
+        child = self._children[name] = Child(request, asked=[query], answer_at=time.monotonic() + ANSWER_S)
+        try:
+            self._supervisor.start(spec)
+        except BaseException:
+            self._children.pop(name, None)
+            raise
+        if child.starts:
+            logs.say(f"{name}: started for a request ({request.policy}, {request.home.pv_kw:g} kW PV)", agent=name)
+        if request.key and name in self._children:
             self._keys[request.key] = name
             if len(self._keys) > KEYS:
                 self._keys.popitem(last=False)
-        child = self._children[name] = Child(request, asked=[query], answer_at=time.monotonic() + ANSWER_S)
-        self._supervisor.start(spec)
-        logs.say(f"{name}: started for a request ({request.policy}, {child.request.home.pv_kw:g} kW PV)", agent=name)
 
-    def _refusal(self, name: str) -> tuple[RefusalReason, str] | None:
-        """Why a process of this name cannot be started."""
+    def _check_room(self, name: str) -> None:
+        """Refuse where no process of this name can be started."""
         it = self.settings
         alive = len(self._supervisor.alive())
+        if self._ending:
+            raise RequestRefused("ended", f"spawner {it.name} is ending")
         if name in self._children and not self._children[name].given_up:
-            return "taken", f"id = {name}: runs here already, or is just ending"
+            raise RequestRefused("taken", f"id = {name}: runs here already, or is just ending")
         if name in self._present:
-            return "taken", f"id = {name}: another process plays it; choose another id"
+            raise RequestRefused("taken", f"id = {name}: another process plays it; choose another id")
         if it.certs is not None:
             try:
                 Credentials(it.certs, name)
             except SecurityError as error:
-                return "invalid", f"id = {name}: {error}"
+                raise RequestRefused("invalid", f"id = {name}: {error}") from None
         if alive >= it.limit:
-            return "full", f"processes = {alive}: spawner {it.name} runs {it.limit} at most"
+            raise RequestRefused("full", f"processes = {alive}: spawner {it.name} runs {it.limit} at most")
         memory_mb = self._memory_mb()
         if memory_mb + TYPICAL_MB > it.memory_mb:
-            return (
+            raise RequestRefused(
                 "full",
                 f"memory = {memory_mb:.0f} MiB: spawner {it.name} lets its processes have {it.memory_mb:.0f} MiB",
             )
-        return None
 
     def _stop(self, request: StopRequest, query: Query) -> None:
         """End a process; the answer follows when it has gone."""
         child = self._children.get(request.id)
         if child is None:
             names = ", ".join(list(self._children)[:10]) or "none"
-            query.refuse(
-                "unknown", f"id = {request.id}: not a process of spawner {self.settings.name}, which runs {names}"
-            )
-            return
+            where = f"spawner {self.settings.name}, which runs {names}"
+            raise RequestRefused("unknown", f"id = {request.id}: not a process of {where}")
         child.stopping = True
         child.asked_to_stop.append(query)
         self._supervisor.stop(request.id)
@@ -198,17 +241,14 @@ class Spawner:
         asked, child.asked = child.asked, []
         for query in asked:
             if child.given_up:
-                query.refuse("invalid", self._why(child))
+                self._refuse(query, "spawn", "invalid" if child.starts else "unavailable", self._why(child))
             else:
                 query.reply(encode(self._process(child)))
 
     def _why(self, child: Child) -> str:
-        """What a process that was given up has said."""
-        name = child.request.home.id
-        words = self._supervisor.last_words(name)
-        return (
-            words[-1].removeprefix("zengrid prosumer: ") if words else f"id = {name}: its process ended without a word"
-        )
+        """What a process that was given up has said; where it said nothing, what happened to it."""
+        words = self._supervisor.last_words(child.request.home.id)
+        return words[-1].removeprefix("zengrid prosumer: ") if words else f"id = {child.trouble}"
 
     # ---------------------------------------------------------------- processes
 
@@ -243,7 +283,9 @@ class Spawner:
             return
         if event.kind == "started":
             child.starts += 1
-        elif event.kind == "ended":
+            return
+        child.trouble = event.text
+        if event.kind == "ended":
             self._forget(event.name)
         elif event.kind in ("gave_up", "hopeless"):
             child.given_up = True
@@ -255,7 +297,7 @@ class Spawner:
     def _forget(self, name: str) -> None:
         child = self._children.pop(name)
         for query in child.asked:
-            query.refuse("unavailable", f"id = {name}: its process has ended")
+            self._refuse(query, "spawn", "unavailable", f"id = {name}: its process has ended")
         for query in child.asked_to_stop:
             query.reply(encode(StopReply(id=name)))
 
@@ -288,6 +330,7 @@ class Spawner:
             memory_limit_mb=it.memory_mb,
             memory_mb=self._memory_mb(),
             policies=it.known_policies(),
+            refused=dict(self._refused),
             processes=tuple(self._process(child) for child in self._children.values()),
         )
 

@@ -10,7 +10,7 @@ from zengrid.bus.keys import DEFAULT_RUN
 from zengrid.bus.names import machine_name
 from zengrid.bus.session import DEFAULT_ENDPOINT
 from zengrid.errors import PolicyError
-from zengrid.policy.registry import PROSUMER_POLICIES
+from zengrid.policy.registry import PROSUMER_POLICIES, prosumer_policy_files
 
 
 def default_name() -> str:
@@ -54,11 +54,17 @@ class Settings:
         Raises
         ------
         PolicyError
-            Neither a rule nor one of the folder's files: a request reaches no other file.
+            Neither a rule nor one of the folder's files, which are all that a request reaches; or what stands behind
+            the name of a rule is wrong in every market.
         """
         known = self.known_policies()
-        if name in known and self.policies is not None and name not in PROSUMER_POLICIES:
+        if self.policies is not None and name in known and name not in PROSUMER_POLICIES:
             return str(self.policies / name)
-        if "/" not in name and name.partition(":")[0] in PROSUMER_POLICIES:
-            return name
-        raise PolicyError(f"policy = {name}: this spawner knows {', '.join(known)}")
+        if name.partition(":")[0] not in PROSUMER_POLICIES:
+            raise PolicyError(f"policy = {name}: this spawner knows {', '.join(known)}")
+        files = prosumer_policy_files(name)
+        if files:
+            raise PolicyError(
+                f"policy = {name}: reads {files[0]}; permitted is what this spawner knows and zengrid has"
+            )
+        return name

@@ -2,6 +2,16 @@
 
 from __future__ import annotations
 
+BRIEF = 100
+"""Longest value that an error shows. [characters]"""
+
+
+def brief(value: object) -> str:
+    """A value from outside as an error shows it: as text, and not all of it where it is long."""
+    text = str(value)
+    return text if len(text) <= BRIEF else f"{text[: BRIEF - 3]}..."
+
+
 EXIT_INTERNAL = 70
 """Exit code of a process that met an error of its own: starting it again may help."""
 

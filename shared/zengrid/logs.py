@@ -84,9 +84,8 @@ def begin(service: str, options: argparse.Namespace, *, prefix: str | None = Non
     _log.json, _log.least = options.log == "json", LEVELS.index(options.log_level)
     _log.context = {"service": service, **context}
     _log.logger = None
-    if _log.json:
-        sys.excepthook = _crashed
-        threading.excepthook = lambda it: _crashed(it.exc_type, it.exc_value, it.exc_traceback)
+    sys.excepthook = _crashed
+    threading.excepthook = _crashed_thread
     if _log.json or wants("info"):
         # Loading structlog takes a while, which nobody shall wait for in the middle of a slot.
         _log.logger = _structured()
@@ -138,14 +137,41 @@ def fail(error: object) -> None:
         _sentence(f"zengrid {_log.service}: {error}")
 
 
+def unexpected(where: str, error: Exception) -> None:
+    """Tell of an error that nobody has foreseen, and that this process goes on after."""
+    text = f"unexpected error {where}: {type(error).__name__}: {error}"
+    trace = "".join(traceback.format_exception(error))
+    if _log.json:
+        _write("error", text, {"exception": trace})
+    else:
+        _sentence(f"{_log.prefix}{text}\n{trace.rstrip()}")
+
+
 def note(level: Level, event: str, **fields: Any) -> None:
     """A structured line, where events of this level are logged."""
     if wants(level):
         _write(level, event, fields)
 
 
+def printable(text: str) -> str:
+    """Lines as they may be shown: what else a terminal would obey, or a reader not see, as ``\\u001b``."""
+    return text if text.isprintable() else "\n".join(map(_escaped, text.split("\n")))
+
+
+def _escaped(line: str) -> str:
+    return line if line.isprintable() else "".join(each if each.isprintable() else _code(each) for each in line)
+
+
+def _code(character: str) -> str:
+    """As JSON writes it, which is none of its own where the text is JSON."""
+    units = character.encode("utf-16-be", "surrogatepass")
+    return "".join(f"\\u{high:02x}{low:02x}" for high, low in zip(units[::2], units[1::2], strict=True))
+
+
 def _sentence(text: str) -> None:
-    sys.stderr.write(f"{text}\n")
+    # Further lines are indented: none can pass for one of its own.
+    first, *more = printable(text).split("\n")
+    sys.stderr.write("\n".join([first, *(line if line.startswith("  ") else f"  {line}" for line in more)]) + "\n")
     sys.stderr.flush()
 
 
@@ -162,6 +188,9 @@ def _structured(target: Any = None) -> Any:
     def ordered(logger: Any, method: str, fields: Any) -> Any:
         return {name: fields[name] for name in ORDER if name in fields} | dict(fields)
 
+    def shown(logger: Any, method: str, line: Any) -> str:
+        return _escaped(line)  # in both forms all that cannot be printed has come with a value
+
     form = (
         structlog.processors.JSONRenderer(ensure_ascii=False)
         if _log.json
@@ -170,11 +199,19 @@ def _structured(target: Any = None) -> Any:
     stamp = structlog.processors.TimeStamper(fmt="iso", utc=True, key="time")
     return structlog.wrap_logger(
         target or structlog.WriteLogger(sys.stderr),
-        processors=[structlog.processors.add_log_level, stamp, ordered, form],
+        processors=[structlog.processors.add_log_level, stamp, ordered, form, shown],
         wrapper_class=structlog.make_filtering_bound_logger(0),
     )
 
 
 def _crashed(kind: type[BaseException], error: BaseException | None, trace: TracebackType | None) -> None:
     lines = traceback.format_exception(kind, error, trace)
-    _write("error", lines[-1].strip(), {"exception": "".join(lines)})
+    if _log.json:
+        _write("error", lines[-1].strip(), {"exception": "".join(lines)})
+    else:
+        sys.stderr.write(printable("".join(lines)))
+
+
+def _crashed_thread(it: threading.ExceptHookArgs) -> None:
+    if not issubclass(it.exc_type, SystemExit):  # which ends a thread, and is no error
+        _crashed(it.exc_type, it.exc_value, it.exc_traceback)

@@ -97,7 +97,7 @@ def test_a_reproduction_is_stopped_and_goes_on_to_its_report(tmp_path: Path) -> 
     folder = tmp_path / "out"
     words = ["reproduce", "--out", str(folder), "--seeds", "2", "--capacities", "6", "--days", "1", "--jobs", "2", *SET]
     process = Process("reproduce", [sys.executable, "-m", "zengrid_cli", *words], tmp_path, {})
-    wait_for(folder, "jobs/*/checkpoint.pt", process)
+    wait_for(folder, "jobs/*/training.checkpoint", process)
     process.popen.send_signal(signal.SIGINT)
     assert process.popen.wait(DEADLINE_S) == 130, process.said()
     assert f"To go on: zengrid reproduce --out {folder}" in process.said()

@@ -85,3 +85,58 @@ def test_structlog_is_loaded_only_where_it_is_asked_for() -> None:
         code = script.format(begins.format(words))
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
         assert done.stdout.strip() == loaded
+
+
+HOSTILE = "\x1b[2J\x07red\r\x00\x9b\x7f\u202e\ud800\U000e0001"
+SHOWN = r"\u001b[2J\u0007red\u000d\u0000\u009b\u007f\u202e\ud800\udb40\udc01"
+
+
+def tell_hostile() -> None:
+    logs.say(f"policy = {HOSTILE}")
+    logs.fail(f"policy = {HOSTILE}")
+    logs.note("error", HOSTILE, agent=HOSTILE, why=(HOSTILE,))
+    try:
+        raise ValueError(HOSTILE)
+    except ValueError as error:
+        logs.unexpected("in a test", error)
+        sys.excepthook(*sys.exc_info())
+        threading.excepthook(threading.ExceptHookArgs((*sys.exc_info(), None)))
+
+
+@pytest.mark.parametrize("words", [(), ("--log", "json")], ids=["text", "json"])
+def test_nothing_from_outside_reaches_a_terminal_as_a_command(
+    words: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    begin(*words)
+    tell_hostile()
+    said = capsys.readouterr().err
+    assert all(line.isprintable() for line in said.split("\n"))
+    if words:
+        assert [HOSTILE in json.loads(line)["event"] for line in said.splitlines()] == [True] * 6
+    else:
+        assert said.count(SHOWN) == 8  # three of them in the last lines of tracebacks
+
+
+def test_a_text_of_several_lines_cannot_pass_for_several_events(capsys: pytest.CaptureFixture[str]) -> None:
+    begin()
+    logs.say("policy = x\nzengrid clock: all is well\n  indented")
+    assert capsys.readouterr().err.splitlines() == [
+        "zengrid clock: policy = x", "  zengrid clock: all is well", "  indented",
+    ]  # fmt: skip
+    logs.note("error", "one\ntwo", agent="p1\nlevel=error")
+    (line,) = capsys.readouterr().err.splitlines()
+    assert r"one\ntwo" in line
+    assert r"p1\nlevel=error" in line
+
+
+def test_a_thread_that_ends_itself_is_no_error(capsys: pytest.CaptureFixture[str]) -> None:
+    begin()
+    thread = threading.Thread(target=sys.exit)
+    thread.start()
+    thread.join()
+    assert capsys.readouterr().err == ""
+
+
+def test_texts_are_left_as_they_are_where_they_can_be_shown() -> None:
+    for text in ("", "bill = -3.21 $", "größer als 5 kW ☀", "two\nlines"):
+        assert logs.printable(text) == text

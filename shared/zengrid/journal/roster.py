@@ -44,5 +44,5 @@ class Roster:
             body = json.loads(zlib.decompress(data))
             agents = tuple((name, tuple(homes), instance) for name, homes, instance in body["agents"])
             return cls(version, tuple(body["homes"]), tuple(body["specs"]), agents)
-        except (zlib.error, ValueError, KeyError, TypeError) as error:
+        except (zlib.error, ValueError, KeyError, TypeError, RecursionError) as error:
             raise JournalError(f"the journal is damaged: roster version {version} cannot be read ({error})") from error

@@ -8,16 +8,50 @@ kept in one stack, and every line below works on all of them at once: arrays are
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import NamedTuple
 
 import torch
 import torch.nn.functional as F  # noqa: N812 - its usual name
 from torch import Tensor
 
+from zengrid.learn.checkpoint import Count, State, Values, put, under, within
 from zengrid.learn.networks import Weights, forward, fresh
 from zengrid.learn.own_model import OwnModel
 from zengrid.learn.replay import Batch, Replay
 from zengrid.learn.settings import Learning
+from zengrid.policy.tensor_file import Shape
+
+WEIGHTS = ("online", "target", "averaged")
+MOMENTS = ("step", "exp_avg", "exp_avg_sq")
+"""What Adam remembers of each weight, by its names."""
+
+
+class Counts(Values):
+    """How far a stack of learners is."""
+
+    updates: Count
+    written: Count
+    """slots"""
+
+
+class Stack(NamedTuple):
+    """The size of a stack of learners."""
+
+    networks: int
+    """How many learn, each by itself."""
+    days: int
+    """Days each of them lives through side by side."""
+    features: int
+    """Size of what they see."""
+    actions: int
+    """Number of what they can do."""
+
+    def slots(self, learning: Learning) -> int:
+        """How many slots they remember."""
+        return max(learning.memory // self.days, learning.n_step + 2)
 
 
 class DQN:
@@ -25,12 +59,8 @@ class DQN:
 
     Parameters
     ----------
-    networks:
-        How many learn, each by itself.
-    days:
-        Days each of them lives through side by side.
-    features, actions:
-        Size of what they see, and number of what they can do.
+    stack:
+        Its size.
     learning:
         Settings.
     generator:
@@ -42,9 +72,10 @@ class DQN:
     """
 
     def __init__(
-        self, networks: int, days: int, features: int, actions: int, learning: Learning, generator: torch.Generator,
-        clock: int | None = None, model: OwnModel | None = None,
+        self, stack: Stack, learning: Learning, generator: torch.Generator, clock: int | None = None,
+        model: OwnModel | None = None,
     ) -> None:  # fmt: skip
+        networks, days, features, actions = stack
         self.learning, self.actions = learning, actions
         self.generator, self.model = generator, model if learning.own_model else None
         weights = fresh(networks, (features, *learning.hidden, actions), generator, clock)
@@ -52,10 +83,14 @@ class DQN:
         self.target: Weights = [weight.clone() for weight in weights]
         self.averaged: Weights = [weight.clone() for weight in weights]
         self.optimiser = torch.optim.Adam(self.online, lr=learning.lr, fused=True)
+        for weight in self.online:
+            # As Adam begins by itself, but from the start: what there is to save does not depend on when.
+            zero = torch.zeros_like(weight)
+            moments = (torch.zeros((), device=weight.device), zero, zero.clone())
+            self.optimiser.state[weight] = dict(zip(MOMENTS, moments, strict=True))
         self.replay = Replay(
-            max(learning.memory // days, learning.n_step + 2), networks, days, features, learning.n_step,
-            learning.gamma, generator.device,
-        )  # fmt: skip
+            stack.slots(learning), networks, days, features, learning.n_step, learning.gamma, generator.device
+        )
         self.updates = 0
 
     def q(self, weights: Weights, seen: Tensor) -> Tensor:
@@ -121,23 +156,47 @@ class DQN:
         to_come = (self.value(after) + model.stored_value(after)).view(reward.shape)
         return seen, reward + batch.rest[..., None] * to_come - model.stored_value(seen)[..., None]
 
-    def state(self) -> dict[str, Any]:
+    def state(self) -> State[Counts]:
         """Everything that a later ``restore`` needs to go on exactly."""
-        return {
-            "online": [weight.detach() for weight in self.online],
-            "target": self.target,
-            "averaged": self.averaged,
-            "optimiser": self.optimiser.state_dict(),
-            "replay": self.replay.state(),
-            "updates": self.updates,
-        }
+        return State(Counts(updates=self.updates, written=self.replay.written), self._tensors())
 
-    def restore(self, state: dict[str, Any]) -> None:
-        """Go back to a state."""
-        with torch.no_grad():
-            for name in ("online", "target", "averaged"):
-                for weight, saved in zip(getattr(self, name), state[name], strict=True):
-                    weight.copy_(saved)
-        self.optimiser.load_state_dict(state["optimiser"])
-        self.replay.restore(state["replay"])
-        self.updates = state["updates"]
+    def restore(self, state: State[Counts]) -> None:
+        """Go back to a state that was checked (``check_learners``)."""
+        put(state.tensors, self._tensors())
+        self.updates = state.values.updates
+        self.replay.resume(state.values.written)
+
+    def _tensors(self) -> dict[str, Tensor]:
+        """All arrays in use, by the names that ``learner_shapes`` gives them."""
+        named = {f"{name}.{place}": it for name in WEIGHTS for place, it in enumerate(getattr(self, name))}
+        moments = {
+            f"{name}.{place}": self.optimiser.state[it][name]
+            for name in MOMENTS
+            for place, it in enumerate(self.online)
+        }
+        return {**named, **moments, **under("replay", self.replay.tensors())}
+
+
+def learner_shapes(stack: Stack, learning: Learning) -> dict[str, Shape]:
+    """Type and size of every array of a stack of learners."""
+    sizes = (stack.features, *learning.hidden, stack.actions)
+    slots = stack.slots(learning)
+    memory = (slots, stack.networks, stack.days)
+    found: dict[str, tuple[int, ...]] = {
+        "replay.seen": (*memory, stack.features), "replay.action": memory, "replay.reward": memory,
+        "replay.sell_price": (slots,), "replay.goes_on": (slots,),
+    }  # fmt: skip
+    # Weight and bias of one layer after the other.
+    layers = [(stack.networks, rows, outputs) for inputs, outputs in pairwise(sizes) for rows in (inputs, 1)]
+    for name in (*WEIGHTS, *MOMENTS):
+        found |= {f"{name}.{place}": () if name == "step" else size for place, size in enumerate(layers)}
+    return {name: Shape("int64" if name == "replay.action" else "float32", size) for name, size in found.items()}
+
+
+def check_learners(name: str, tensors: Mapping[str, Tensor], actions: int) -> None:
+    """Refuse arrays of the right sizes (``learner_shapes``, under this name) that no stack can have left behind."""
+    within(f"{name}.replay.action", tensors, 0, actions - 1)
+    within(f"{name}.replay.goes_on", tensors, 0, 1)
+    for each in tensors:
+        if each.startswith((f"{name}.step.", f"{name}.exp_avg_sq.")):
+            within(each, tensors, 0.0, math.inf)

@@ -16,7 +16,7 @@ from zengrid.core.observe import ObservationKind
 from zengrid.core.state import Exogenous
 from zengrid.env.facts import market_facts
 from zengrid.env.vector import VectorMarket, beside, pick, slots_first
-from zengrid.learn.dqn import DQN
+from zengrid.learn.dqn import DQN, Stack
 from zengrid.learn.own_model import BUY_PRICE, SOC
 from zengrid.learn.scaling import Scaling
 from zengrid.learn.settings import FOLLOWER, Learning
@@ -174,7 +174,7 @@ class GenericTraining:
         features = relative_features(KIND)
         rows = settings.markets * settings.days * len(scenario.homes)
         self.dqn = DQN(
-            1, rows, len(features), scenario.battery_levels, settings.learning, self._generator,
+            Stack(1, rows, len(features), scenario.battery_levels), settings.learning, self._generator,
             features.index("time_sin"), model,
         )  # fmt: skip
 

@@ -2,33 +2,53 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from reprlib import repr as shown
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from pydantic import Field
 
 from zengrid import __version__
 from zengrid.core.levels import level_fractions
 from zengrid.core.observe import ObservationKind, grid_features, prosumer_features
-from zengrid.errors import PolicyError
-from zengrid.learn.dqn import DQN
+from zengrid.errors import PolicyError, brief
+from zengrid.learn.checkpoint import (
+    Count,
+    Finite,
+    NumpyGenerator,
+    State,
+    Values,
+    check,
+    check_generator,
+    part,
+    read_tensors,
+    read_values,
+    save,
+    shapes,
+    under,
+)
+from zengrid.learn.dqn import DQN, Counts, Stack, check_learners, learner_shapes
 from zengrid.learn.live_scales import first_day_scaling, power_kw, reward_scale
 from zengrid.learn.live_settings import Live
-from zengrid.learn.memory import Memory
+from zengrid.learn.memory import Memory, gap_shape
 from zengrid.learn.own_model import OwnModel
 from zengrid.learn.scaling import Scaling
 from zengrid.learn.settings import Learning
 from zengrid.policy.facts import MarketFacts
-from zengrid.policy.file import Layer, PolicyFile, Role
+from zengrid.policy.file import Activation, Layer, PolicyFile, Role
 from zengrid.policy.network import Network, greedy
+from zengrid.policy.tensor_file import TensorFile, naming
 
 Floats = NDArray[np.float64]
 
 FORMAT = "zengrid.learner/1"
 """Kind and version of what a learner goes on from."""
+ANEW = "give another folder to start anew"
 STARTED_UPDATES = 10_000
 """After so many updates a policy counts as made that is gone on from; the running average forgets it as slowly."""
 
@@ -38,6 +58,36 @@ class Moment(NamedTuple):
 
     day: int
     slot: int
+
+
+class Begun(Values):
+    """What a learner is that no longer only watches."""
+
+    features: tuple[str, ...]
+    offset: tuple[Finite, ...]
+    scale: tuple[Annotated[Finite, Field(ge=0.0)], ...]
+    reward_scale: Annotated[Finite, Field(gt=0.0)]
+    hidden: tuple[Annotated[int, Field(ge=1)], ...]
+    activation: Activation
+    epsilon_start: Annotated[float, Field(ge=0.0, le=1.0)]
+    lr: Annotated[Finite, Field(gt=0.0)]
+    dqn: Counts
+
+
+class Written(Values):
+    """What the file of a learner holds beside its arrays."""
+
+    role: Role
+    agent: str
+    observation: ObservationKind
+    dt_h: float
+    levels: tuple[float, ...]
+    homes: tuple[str, ...]
+    capacity_kwh: tuple[float, ...]
+    slots: Count
+    last: tuple[Count, Count] | None
+    rng: NumpyGenerator
+    begun: Begun | None
 
 
 class _Seen(NamedTuple):
@@ -220,7 +270,7 @@ class Learner:
         if self.role == "prosumer":
             model = OwnModel(facts.homes, facts.battery_levels, facts.dt_h, scaling, scale, self._generator.device)
         clock = self.features.index("time_sin") if "time_sin" in self.features else None
-        self.dqn = DQN(self.networks, 1, len(self.features), self.levels.size, learning, self._generator, clock, model)
+        self.dqn = DQN(self._stack(self.features), learning, self._generator, clock, model)
         self.dqn.replay = self._memory = Memory.like(self.dqn.replay)
         self._network = Network(self.file(), facts.home_ids)
         for row in self._watched:
@@ -243,7 +293,9 @@ class Learner:
             usual_kw = power_kw(self.facts)
         else:
             usual_kw = float(file.offset[file.features.index("demand_kw")])
-        scale = float(file.training.get("reward_scale") or reward_scale(self.facts, usual_kw))
+        scale = file.training.get("reward_scale", reward_scale(self.facts, usual_kw))
+        if not (isinstance(scale, int | float) and 0.0 < scale < math.inf):
+            raise PolicyError(f"reward_scale = {shown(scale)}: the policy to go on from must have a number above 0")
         learning = replace(self.live.learning, hidden=file.hidden, activation=file.activation)
         # It need not find out from nothing what it knows already.
         learning = replace(learning, epsilon_start=learning.epsilon_end, lr=learning.lr_end)
@@ -286,38 +338,37 @@ class Learner:
 
     def save(self, path: Path) -> None:
         """Write all it needs to go on, and beside it the policy as a file; an interruption leaves those before."""
-        part = path.with_name(f".{path.name}.part")
-        torch.save(self.state(), part)
-        part.replace(path)
+        save(path, FORMAT, self.state())
         if self.dqn is not None:
             self.file().save(path.with_suffix(".safetensors"))
 
-    def state(self) -> dict[str, Any]:
+    def state(self) -> State[Written]:
         """Everything that ``restore`` needs."""
-        state: dict[str, Any] = {
-            **self._identity(),
-            "slots": self.slots,
-            "last": None if self._last is None else list(self._last),
-            "rng": self._rng.bit_generator.state,
-            "generator": self._generator.get_state(),
-            "features": list(self.features),
-        }
+        tensors = {"generator": self._generator.get_state()}
+        begun = None
         if self.dqn is not None:
-            state |= {
-                "offset": self._scaling.offset.tolist(), "scale": self._scaling.scale.tolist(),
-                "reward_scale": self._reward_scale, "hidden": list(self.dqn.learning.hidden),
-                "activation": self.dqn.learning.activation, "epsilon_start": self.dqn.learning.epsilon_start,
-                "lr": self.dqn.learning.lr, "dqn": self.dqn.state(),
-            }  # fmt: skip
-        return state
+            counts, own = self.dqn.state()
+            tensors |= under("dqn", own)
+            learning = self.dqn.learning
+            begun = Begun(
+                features=self.features, offset=tuple(self._scaling.offset.tolist()),
+                scale=tuple(self._scaling.scale.tolist()), reward_scale=self._reward_scale, hidden=learning.hidden,
+                activation=learning.activation, epsilon_start=learning.epsilon_start, lr=learning.lr, dqn=counts,
+            )  # fmt: skip
+        return State(
+            Written(
+                **self._identity(), slots=self.slots, last=self._last, rng=NumpyGenerator.of(self._rng), begun=begun
+            ),
+            tensors,
+        )
 
     def _identity(self) -> dict[str, Any]:
         """What must be the same in the market where it goes on."""
         facts = self.facts
         return {
-            "format": FORMAT, "role": self.role, "agent": self.agent, "observation": self.kind, "dt_h": facts.dt_h,
-            "levels": self.levels.tolist(), "homes": list(facts.home_ids),
-            "capacity_kwh": facts.homes.capacity_kwh.tolist(),
+            "role": self.role, "agent": self.agent, "observation": self.kind, "dt_h": facts.dt_h,
+            "levels": tuple(self.levels.tolist()), "homes": facts.home_ids,
+            "capacity_kwh": tuple(facts.homes.capacity_kwh.tolist()),
         }  # fmt: skip
 
     def restore(self, path: Path) -> None:
@@ -326,29 +377,52 @@ class Learner:
         Raises
         ------
         PolicyError
-            Where it cannot be read, or belongs to another agent or market.
+            Where it cannot be read, belongs to another agent or market, or is nothing that a learner can have left.
+            Nothing in it is ever run, and the learner stays as it is.
         """
-        try:
-            state = torch.load(path, weights_only=True)
-        except Exception as error:  # noqa: BLE001 - torch raises whatever it stumbles over
-            raise PolicyError(f"learner {path}: cannot be read ({error})") from None
-        for name, mine in self._identity().items():
-            if state.get(name) != mine:
-                raise PolicyError(
-                    f"learner {path}: {name} = {state.get(name)}, here it is {mine}; give another folder to start anew"
-                )
-        self.features = tuple(state["features"])
-        if "dqn" in state:
-            scaling = Scaling(np.array(state["offset"]), np.array(state["scale"]))
-            learning = replace(
-                self.live.learning, hidden=tuple(state["hidden"]), activation=state["activation"],
-                epsilon_start=state["epsilon_start"], lr=state["lr"],
-            )  # fmt: skip
-            self._begin(scaling, state["reward_scale"], learning)
+        with naming("learner", path), TensorFile(path) as file:
+            values = read_values(file, FORMAT, Written)
+            for name, mine in self._identity().items():
+                theirs = getattr(values, name)
+                if theirs != mine:
+                    raise PolicyError(f"{name} = {brief(theirs)}, here it is {brief(mine)}; {ANEW}")
+            begun, wanted = values.begun, {"generator": shapes({"": self._generator.get_state()})[""]}
+            if begun is not None:
+                learning = self._learning_of(begun)
+                stack = self._stack(begun.features)
+                wanted |= under("dqn", {**learner_shapes(stack, learning), **gap_shape(stack.slots(learning))})
+            tensors = read_tensors(file, wanted)
+            check(tensors, wanted)
+            check_generator(tensors["generator"], self._generator)
+            if begun is not None:
+                check_learners("dqn", tensors, self.levels.size)
+        if begun is not None:
+            self.features = begun.features
+            self._begin(Scaling(np.array(begun.offset), np.array(begun.scale)), begun.reward_scale, learning)
             assert self.dqn is not None
-            self.dqn.restore(state["dqn"])
+            self.dqn.restore(State(begun.dqn, part("dqn", tensors)))
             self._network.renew(self._layers())
-        self.slots = state["slots"]
-        self._last = None if state["last"] is None else Moment(*state["last"])
-        self._rng.bit_generator.state = state["rng"]
-        self._generator.set_state(state["generator"])
+        self.slots = values.slots
+        self._last = None if values.last is None else Moment(*values.last)
+        self._rng = values.rng.made()
+        self._generator.set_state(tensors["generator"])
+
+    def _stack(self, features: tuple[str, ...]) -> Stack:
+        return Stack(self.networks, 1, len(features), self.levels.size)
+
+    def _learning_of(self, begun: Begun) -> Learning:
+        """How a learner learned that was begun elsewhere; raises PolicyError where it does not fit this market."""
+        names = begun.features
+        if self.role == "prosumer":
+            known = prosumer_features(self.kind)
+        else:
+            known = grid_features(self.kind, self.facts.facilities, max(len(names) - self.facts.facilities - 1, 0))
+        if names != known:
+            raise PolicyError(f"features = {', '.join(names)}: here they are {', '.join(known)}; {ANEW}")
+        for name in ("offset", "scale"):
+            if len(getattr(begun, name)) != len(names):
+                raise PolicyError(f"{name} has {len(getattr(begun, name))} numbers: there are {len(names)} features")
+        return replace(
+            self.live.learning, hidden=begun.hidden, activation=begun.activation, epsilon_start=begun.epsilon_start,
+            lr=begun.lr,
+        )  # fmt: skip

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from zengrid.core.levels import to_commands
 from zengrid.core.observe import ObservationKind
-from zengrid.learn.dqn import DQN
+from zengrid.learn.dqn import DQN, Stack
 from zengrid.learn.live import Learner, Moment
 from zengrid.learn.live_settings import Live
 from zengrid.learn.settings import Learning
@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 def warm_up() -> None:
     """Let torch load what it loads at its first update, before a market waits."""
     learning = Learning(hidden=(8,), batch=4, memory=8)
-    learners = DQN(1, 1, 2, 2, learning, torch.Generator().manual_seed(0))
+    learners = DQN(Stack(1, 1, 2, 2), learning, torch.Generator().manual_seed(0))
     for _ in range(6):
         learners.replay.add(
             torch.zeros((1, 1, 2)), torch.zeros((1, 1), dtype=torch.int64), torch.zeros((1, 1)), 0.0, True

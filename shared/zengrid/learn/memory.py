@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, Self
+from typing import Self
 
 import torch
 from torch import Tensor
 
 from zengrid.learn.replay import Replay
+from zengrid.policy.tensor_file import Shape
 
 
 class Memory(Replay):
@@ -60,11 +61,16 @@ class Memory(Replay):
             broken |= gap[ahead : ahead + len(broken)]
         return torch.nonzero(~broken)[:, 0]
 
-    def state(self) -> dict[str, Any]:
-        """Everything remembered."""
-        return {**super().state(), "gap": self.gap}
+    def tensors(self) -> dict[str, Tensor]:
+        """Everything remembered, by name."""
+        return {**super().tensors(), "gap": self.gap}
 
-    def restore(self, state: dict[str, Any]) -> None:
-        """Remember what was remembered then."""
-        super().restore(state)
+    def resume(self, written: int) -> None:
+        """Go on after so many slots."""
+        super().resume(written)
         self.gaps = int(self.gap.sum())
+
+
+def gap_shape(slots: int) -> dict[str, Shape]:
+    """Type and size of what it has beside a plain one, by the name under which its learners have it."""
+    return {"replay.gap": Shape("bool", (slots,))}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -85,15 +85,11 @@ class Replay:
         """Which of the slots are drawn, as places behind the oldest, ``(network, row)``."""
         return torch.randint(0, filled - self.n_step, shape, generator=generator, device=self.seen.device)
 
-    def state(self) -> dict[str, Any]:
-        """Everything remembered."""
+    def tensors(self) -> dict[str, Tensor]:
+        """Everything remembered, by name; ``written`` says where in it the newest is."""
         names = ("seen", "action", "reward", "sell_price", "goes_on")
-        return {**{name: getattr(self, name) for name in names}, "written": self.written}
+        return {name: getattr(self, name) for name in names}
 
-    def restore(self, state: dict[str, Any]) -> None:
-        """Remember what was remembered then."""
-        for name, value in state.items():
-            if name == "written":
-                self.written = value
-            else:
-                getattr(self, name).copy_(value)
+    def resume(self, written: int) -> None:
+        """Go on after so many slots, once ``tensors`` hold what was remembered then."""
+        self.written = written

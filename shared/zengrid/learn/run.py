@@ -4,22 +4,29 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Annotated, Any, NamedTuple, Self
 
+import numpy as np
 import torch
+from pydantic import Field, ValidationError
+from pydantic_core import from_json
 
 from zengrid import __version__
 from zengrid.core.observe import ObservationKind
 from zengrid.errors import PolicyError
+from zengrid.learn.checkpoint import Count, State, Values, read_tensors, read_values, save
 from zengrid.learn.evaluation import Changes, Evaluator, Outcome, Rank, Trained, plain
 from zengrid.learn.settings import Settings
-from zengrid.learn.training import Earned, Training
+from zengrid.learn.training import Earned, Progress, Training, training_shapes
+from zengrid.policy.tensor_file import TensorFile, naming
 from zengrid.scenario import Scenario
 from zengrid.scenario.files import loads
+from zengrid.wire.codec import explain
 
-CHECKPOINT = "checkpoint.pt"
+CHECKPOINT = "training.checkpoint"
+FORMAT = f"zengrid.training/{__version__}"
 PROGRESS = "progress.jsonl"
 SCENARIO = "scenario.yaml"
 CHOICE_DAYS = 64
@@ -47,20 +54,70 @@ class Plan(NamedTuple):
             "settings": self.settings.as_dict(),
             "observation": self.observation,
             "command": self.command,
-            "version": __version__,
         }
 
     @classmethod
-    def of(cls, values: dict[str, Any]) -> Self:
-        """Read what ``as_dict`` wrote."""
-        made = [loads(text) for text in values["scenarios"]]
-        return cls(
-            tuple(made[i] for i in values["scenario_of"]),
-            tuple(values["seeds"]),
-            Settings.of(values["settings"]),
-            values["observation"],
-            values["command"],
-        )
+    def of(cls, values: Mapping[str, Any]) -> Self:
+        """Read what ``as_dict`` wrote.
+
+        Raises
+        ------
+        ZengridError
+            Where it is no plan.
+        """
+        try:
+            written = _Plan.model_validate_json(json.dumps(values))
+        except ValidationError as error:
+            raise PolicyError(f"plan.{explain(error)}") from None
+        count = len(written.scenarios)
+        if len(written.scenario_of) != len(written.seeds) or max(written.scenario_of) >= count:
+            raise PolicyError(f"plan.scenario_of: permitted is one of {count} scenarios for each of the seeds")
+        made = [loads(text) for text in written.scenarios]
+        scenarios = tuple(made[i] for i in written.scenario_of)
+        settings = Settings.of(written.settings)
+        return cls(scenarios, tuple(written.seeds), settings, written.observation, written.command)
+
+
+class _Plan(Values):
+    """A plan as it is written down."""
+
+    scenarios: list[str]
+    """Different ones, as YAML."""
+    scenario_of: Annotated[list[Count], Field(min_length=1)]
+    """The place of the scenario of each market among them."""
+    seeds: list[Count]
+    settings: dict[str, Any]
+    observation: ObservationKind
+    command: str
+
+
+class _Kept(Values):
+    """What ``Kept`` holds, as it is written down."""
+
+    bill: list[float]
+    profit: float
+    reserve: float
+    gap: float | None
+    settled: bool
+    gain: float
+
+
+class _Earned(Values):
+    """What ``Earned`` holds, as it is written down."""
+
+    bill: list[list[float]]
+    profit: list[float]
+    reserve_kwh: list[float]
+
+
+class _Written(Values):
+    """What the checkpoint holds beside its arrays."""
+
+    plan: dict[str, Any]
+    training: Progress
+    seconds: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+    earned: list[_Earned]
+    best: list[_Kept | None]
 
 
 class Report(NamedTuple):
@@ -125,8 +182,6 @@ class Run:
         self.seconds = 0.0
         self._earned: list[Earned] = []
         self.best: list[Kept | None] = [None] * len(plan.seeds)
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / SCENARIO).write_text(plan.scenarios[0].dump(), encoding="utf-8")
 
     @classmethod
     def resume(cls, folder: Path, device: str = "cpu") -> Self:
@@ -135,24 +190,40 @@ class Run:
         Raises
         ------
         PolicyError
-            Where the folder holds none, or one of another version.
+            Where the folder holds none, or one of another version, or one that no training can have left. Nothing in
+            it is ever run, and the folder stays as it is.
         """
         path = folder / CHECKPOINT
-        try:
-            saved = torch.load(path, map_location=device, weights_only=False)
-        except (OSError, RuntimeError) as error:
-            raise PolicyError(f"checkpoint {path}: cannot be read ({error})") from None
-        if saved["plan"]["version"] != __version__:
-            raise PolicyError(f"checkpoint {path}: of version {saved['plan']['version']}; permitted: {__version__}")
-        run = cls(folder, Plan.of(saved["plan"]), device)
-        run.training.restore(saved["training"])
-        run.seconds = saved["seconds"]
-        run._earned = [Earned(*day) for day in saved["earned"]]
-        run.forget_later()
-        run.best = [
-            None if kept is None else Kept(Changes(*kept[0]), kept[1], Rank(*kept[2])) for kept in saved["best"]
-        ]
+        with naming("checkpoint", path), TensorFile(path) as file:
+            written = read_values(file, FORMAT, _Written)
+            plan = Plan.of(written.plan)
+            # Before anything is made of the plan, which can ask for more memory than there is.
+            wanted = training_shapes(plan.scenarios, plan.settings, plan.observation, torch.device(device))
+            tensors = read_tensors(file, wanted)
+            run = cls(folder, plan, device)
+            run.training.restore(State(written.training, tensors))
+            run._remember(written)
+            run.forget_later()
         return run
+
+    def _remember(self, written: _Written) -> None:
+        """Take over what was reached so far."""
+        markets, homes = len(self.plan.seeds), len(self.plan.scenarios[0].homes)
+        if len(written.best) != markets or any(kept and len(kept.bill) != homes for kept in written.best):
+            raise PolicyError(f"best: permitted are {markets} markets of {homes} homes")
+        for day in written.earned:
+            if [len(day.profit), len(day.reserve_kwh), *map(len, day.bill)] != [markets, markets, *[homes] * markets]:
+                raise PolicyError(f"earned: permitted are days of {markets} markets of {homes} homes")
+        self.seconds = written.seconds
+        self._earned = [
+            Earned(np.array(day.bill), np.array(day.profit), np.array(day.reserve_kwh)) for day in written.earned
+        ]
+        self.best = [
+            None
+            if it is None
+            else Kept(Changes(np.array(it.bill), it.profit, it.reserve), it.gap, Rank(it.settled, it.gain))
+            for it in written.best
+        ]
 
     def go(
         self,
@@ -178,6 +249,8 @@ class Run:
             Whether to evaluate where it is stopped, too, so that there are policies to use. Without, the best policies
             of a training that was stopped and resumed are those of one that was not.
         """
+        self.folder.mkdir(parents=True, exist_ok=True)
+        (self.folder / SCENARIO).write_text(self.plan.scenarios[0].dump(), encoding="utf-8")
         training, day = self.training, self.training.step // self.plan.scenarios[0].slots_per_day
         ends = training.done
         while not ends:
@@ -238,8 +311,12 @@ class Run:
         if path.exists():
             lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
             # A line without an end was being written when the machine stopped.
-            whole = (line for line in lines if line.endswith("\n"))
-            path.write_text("".join(line for line in whole if json.loads(line)["step"] <= self.training.step))
+            whole = [line for line in lines if line.endswith("\n")]
+            try:
+                kept = [line for line in whole if int(from_json(line)["step"]) <= self.training.step]
+            except (ValueError, TypeError, KeyError) as error:
+                raise PolicyError(f"{path.name} beside it has a line that is no evaluation ({error})") from None
+            path.write_text("".join(kept), encoding="utf-8")
 
     def notes(self) -> dict[str, Any]:
         """What policy files tell about how they were made."""
@@ -256,16 +333,15 @@ class Run:
 
     def save(self) -> None:
         """Write the checkpoint; an interruption leaves the one before."""
-        saved = {
-            "plan": self.plan.as_dict(),
-            "training": self.training.state(),
-            "seconds": self.seconds,
-            "earned": [tuple(day) for day in self._earned],
-            "best": [None if kept is None else (tuple(kept.changes), kept.gap, tuple(kept.rank)) for kept in self.best],
-        }
-        part = self.folder / f"{CHECKPOINT}.part"
-        torch.save(saved, part)
-        part.replace(self.folder / CHECKPOINT)
+        progress, tensors = self.training.state()
+        written = _Written(
+            plan=self.plan.as_dict(),
+            training=progress,
+            seconds=self.seconds,
+            earned=[_Earned(**plain(day)) for day in self._earned],
+            best=[kept and _Kept(**plain(kept.changes), gap=kept.gap, **kept.rank._asdict()) for kept in self.best],
+        )
+        save(self.folder / CHECKPOINT, FORMAT, State(written, tensors))
 
 
 def use_threads(count: int) -> None:

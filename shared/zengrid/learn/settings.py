@@ -2,15 +2,29 @@
 
 from __future__ import annotations
 
+import json
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, fields, replace
-from typing import Any, Literal, Self
+from functools import cache
+from typing import Any, ClassVar, Literal, Self
 
-from zengrid.errors import PolicyError
+from pydantic import ConfigDict, TypeAdapter, ValidationError
+
+from zengrid.errors import PolicyError, brief
+
+_FROM_ONE = {"days", "memory", "steps", "pool", "batch", "n_step", "every", "updates"}
+_SHARES = {"gamma", "soft_target", "epsilon_start", "epsilon_end", "epsilon_until", "average"}
+_ABOVE_ZERO = {"lr", "lr_end"}
+_MOST = 10**9
+"""Largest number of anything."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Learning:
     """Settings of one kind of learner: the grid agent, or the prosumers."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(strict=True, extra="forbid")
 
     hidden: tuple[int, ...] = (64, 64)
     """Width of each hidden layer."""
@@ -68,6 +82,8 @@ KINDS = ("grid", "prosumer")
 class Settings:
     """Settings of a whole training."""
 
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(strict=True, extra="forbid")
+
     grid: Learning
     prosumer: Learning
     days: int = 64
@@ -90,7 +106,7 @@ class Settings:
             raise PolicyError(f"preset = {name}: unknown; permitted: {', '.join(_PRESETS)}") from None
         return cls(**make)
 
-    def with_(self, **changes: Any) -> Self:
+    def with_(self, **changes: Any) -> Settings:
         """The same with some changed; ``grid_lr=1e-4`` and ``prosumer_lr=...`` reach one kind, ``lr=`` both."""
         own = {field.name for field in fields(self)} - set(KINDS)
         deep = {field.name for field in fields(Learning)}
@@ -105,17 +121,58 @@ class Settings:
                 new = replace(new, **{kind: replace(getattr(new, kind), **{rest: value})})
             else:
                 raise PolicyError(f"setting {name}: unknown; permitted: {', '.join(sorted(own | deep))}")
-        return new
+        return Settings.of(new.as_dict())
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values, for files."""
         return asdict(self)
 
-    @classmethod
-    def of(cls, values: dict[str, Any]) -> Self:
-        """Read what ``as_dict`` wrote."""
-        kinds = {kind: Learning(**{**values[kind], "hidden": tuple(values[kind]["hidden"])}) for kind in KINDS}
-        return cls(**{**values, **kinds})
+    @staticmethod
+    def of(values: Mapping[str, Any]) -> Settings:
+        """Read what ``as_dict`` wrote.
+
+        Raises
+        ------
+        PolicyError
+            Names the setting, the value and what is permitted.
+        """
+        try:
+            # As JSON, where lists are tuples; everything else must be of its type.
+            made = _reader().validate_json(json.dumps(values, default=str))
+        except ValidationError as error:
+            found = error.errors(include_url=False)[0]
+            name = "_".join(map(str, found["loc"]))
+            told = f"{found['msg'][0].lower()}{found['msg'][1:]}"
+            raise PolicyError(f"setting {name} = {brief(found['input'])}: {told}") from None
+        for name, plain, value in _values(made):
+            if plain in _FROM_ONE and value < 1:
+                raise PolicyError(f"setting {name} = {value}: permitted: 1 or more")
+            if plain in _SHARES and not 0.0 <= value <= 1.0:
+                raise PolicyError(f"setting {name} = {value}: permitted: 0 to 1")
+            if plain in _ABOVE_ZERO and not 0.0 < value < math.inf:
+                raise PolicyError(f"setting {name} = {value}: permitted: above 0")
+            if plain == "warmup" and value < 0:
+                raise PolicyError(f"setting {name} = {value}: permitted: 0 or more")
+            if plain == "hidden" and not all(1 <= width <= _MOST for width in value):
+                raise PolicyError(f"setting {name} = {list(value)}: permitted: widths of 1 or more")
+            if type(value) is int and value > _MOST:
+                raise PolicyError(f"setting {name} = {value}: permitted: {_MOST} or less")
+        return made
+
+
+@cache
+def _reader() -> TypeAdapter[Settings]:
+    return TypeAdapter(Settings)
+
+
+def _values(settings: Settings) -> Iterator[tuple[str, str, Any]]:
+    """Name, name without its kind, and value of every setting."""
+    for field in fields(Settings):
+        if field.name not in KINDS:
+            yield field.name, field.name, getattr(settings, field.name)
+    for kind in KINDS:
+        for deep in fields(Learning):
+            yield f"{kind}_{deep.name}", deep.name, getattr(getattr(settings, kind), deep.name)
 
 
 _LATER_STUDY = Learning(

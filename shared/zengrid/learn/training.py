@@ -16,12 +16,25 @@ from zengrid.core.settle import total
 from zengrid.core.state import Exogenous, Settlement
 from zengrid.env.vector import VectorMarket, beside, pick, slots_first
 from zengrid.errors import PolicyError
-from zengrid.learn.dqn import DQN
+from zengrid.learn.checkpoint import (
+    Count,
+    NumpyGenerator,
+    State,
+    Values,
+    check,
+    check_generator,
+    part,
+    shapes,
+    under,
+    within,
+)
+from zengrid.learn.dqn import DQN, Counts, Stack, check_learners, learner_shapes
 from zengrid.learn.evaluation import Trained
 from zengrid.learn.own_model import OwnModel, repeat_homes
 from zengrid.learn.scaling import Scaling, scales
-from zengrid.learn.settings import Learning, Settings
+from zengrid.learn.settings import Settings
 from zengrid.policy.file import Layer, PolicyFile
+from zengrid.policy.tensor_file import Shape
 from zengrid.scenario import Scenario
 
 Floats = NDArray[np.float64]
@@ -37,6 +50,15 @@ class Earned(NamedTuple):
     """(market,) [$]"""
     reserve_kwh: Floats
     """(market,) energy of all facilities but the first [kWh]"""
+
+
+class Progress(Values):
+    """How far a training is."""
+
+    step: Count
+    grid: Counts
+    prosumers: Counts
+    rng: NumpyGenerator
 
 
 class Training:
@@ -69,6 +91,9 @@ class Training:
             for name in ("slot_minutes", "tariff", "buy_prices", "battery_levels", "soc_reset"):
                 if getattr(other, name) != getattr(first, name):
                     raise PolicyError(f"{name}: markets trained side by side must have the same")
+            for name in ("homes", "facilities", "consumers"):
+                if len(getattr(other, name)) != len(getattr(first, name)):
+                    raise PolicyError(f"number of {name}: markets trained side by side must have the same")
         self.scenarios, self.seeds, self.settings, self.observation = scenarios, tuple(seeds), settings, observation
         self.device = torch.device(device)
         markets, homes = [scenario.market() for scenario in scenarios], len(first.homes)
@@ -90,23 +115,22 @@ class Training:
         model = OwnModel(
             all_homes, first.battery_levels, first.dt_h, self.scales.prosumer, self.scales.prosumer_reward, self.device
         )
-        plants = self.vector.market.facilities.count
-        self.features = (grid_features(observation, plants, homes), prosumer_features(observation))
-        self.grid = self._learners(len(markets), self.features[0], len(self.buy_prices), settings.grid, None)
-        self.prosumers = self._learners(
-            len(markets) * homes, self.features[1], first.battery_levels, settings.prosumer, model
-        )
+        self.features = _features(first, observation)
+        self.grid, self.prosumers = (
+            DQN(stack, learning, self._generator, self._clock(features), own)
+            for stack, learning, features, own in zip(
+                stacks(scenarios, settings, observation), (settings.grid, settings.prosumer), self.features,
+                (None, model), strict=True,
+            )
+        )  # fmt: skip
         self._dt_h = first.dt_h
         self._carries = first.soc_reset == "never"
         self.step = 0
         self.loss = (0.0, 0.0)
 
-    def _learners(
-        self, networks: int, features: Sequence[str], actions: int, learning: Learning, model: OwnModel | None
-    ) -> DQN:
-        settings = self.settings
-        clock = features.index("time_sin") if "time_sin" in features and settings.clock else None
-        return DQN(networks, settings.days, len(features), actions, learning, self._generator, clock, model)
+    def _clock(self, features: Sequence[str]) -> int | None:
+        """Where networks see the time of day, if they shall begin with a clock."""
+        return features.index("time_sin") if "time_sin" in features and self.settings.clock else None
 
     @property
     def done(self) -> bool:
@@ -216,25 +240,72 @@ class Training:
             training=notes,
         )
 
-    def state(self) -> dict[str, Any]:
+    def state(self) -> State[Progress]:
         """Everything that ``restore`` needs to go on exactly; taken between days."""
-        return {
-            "step": self.step,
-            "grid": self.grid.state(),
-            "prosumers": self.prosumers.state(),
-            "generator": self._generator.get_state(),
-            "rng": self._rng.bit_generator.state,
-            "market": {name: torch.from_numpy(value.copy()) for name, value in self.vector.memory().items()},
-        }
+        grid, prosumers = self.grid.state(), self.prosumers.state()
+        market = {name: torch.from_numpy(value.copy()) for name, value in self.vector.memory().items()}
+        return State(
+            Progress(step=self.step, grid=grid.values, prosumers=prosumers.values, rng=NumpyGenerator.of(self._rng)),
+            {
+                "generator": self._generator.get_state(), **under("market", market),
+                **under("grid", grid.tensors), **under("prosumers", prosumers.tensors),
+            },
+        )  # fmt: skip
 
-    def restore(self, state: dict[str, Any]) -> None:
-        """Go back to a state, of a training with the same arguments."""
-        self.step = state["step"]
-        self.grid.restore(state["grid"])
-        self.prosumers.restore(state["prosumers"])
-        self._generator.set_state(state["generator"])
-        self._rng.bit_generator.state = state["rng"]
-        self.vector.remember({name: value.numpy() for name, value in state["market"].items()})
+    def restore(self, state: State[Progress]) -> None:
+        """Go back to a state, of a training with the same arguments.
+
+        Raises
+        ------
+        PolicyError
+            Where no such training can have left it behind; then nothing has changed.
+        """
+        values, tensors = state
+        slots = self.scenarios[0].slots_per_day
+        if values.step > self.settings.steps + slots or values.step % slots:
+            raise PolicyError(f"step = {values.step}: permitted are whole days of {slots} slots")
+        check(tensors, training_shapes(self.scenarios, self.settings, self.observation, self.device))
+        within("market.soc", tensors, 0.0, 1.0)
+        check_learners("grid", tensors, self.grid.actions)
+        check_learners("prosumers", tensors, self.prosumers.actions)
+        check_generator(tensors["generator"], self._generator)
+        self.grid.restore(State(values.grid, part("grid", tensors)))
+        self.prosumers.restore(State(values.prosumers, part("prosumers", tensors)))
+        self.step, self._rng = values.step, values.rng.made()
+        self._generator.set_state(tensors["generator"])
+        self.vector.remember({name: value.numpy() for name, value in part("market", tensors).items()})
+
+
+def stacks(scenarios: Sequence[Scenario], settings: Settings, observation: ObservationKind) -> tuple[Stack, Stack]:
+    """The sizes of both stacks of learners: grid agents, and prosumers."""
+    first, markets = scenarios[0], len(scenarios)
+    grid, prosumer = _features(first, observation)
+    return (
+        Stack(markets, settings.days, len(grid), len(first.buy_prices)),
+        Stack(markets * len(first.homes), settings.days, len(prosumer), first.battery_levels),
+    )
+
+
+def training_shapes(
+    scenarios: Sequence[Scenario], settings: Settings, observation: ObservationKind, device: torch.device
+) -> dict[str, Shape]:
+    """Type and size of every array of a training: what takes memory is known before there is any of it."""
+    first, lead = scenarios[0], (len(scenarios), settings.days)
+    grid, prosumers = stacks(scenarios, settings, observation)
+    market = {"soc": len(first.homes), "facility_cost": len(first.facilities), "payment": len(first.homes)}
+    return {
+        "generator": shapes({"": torch.Generator(device).get_state()})[""],
+        **{f"market.{name}": Shape("float64", (*lead, count)) for name, count in market.items()},
+        "market.demand_kw": Shape("float64", lead),
+        **under("grid", learner_shapes(grid, settings.grid)),
+        **under("prosumers", learner_shapes(prosumers, settings.prosumer)),
+    }
+
+
+def _features(scenario: Scenario, observation: ObservationKind) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """What grid agents and prosumers see."""
+    grid = grid_features(observation, len(scenario.facilities), len(scenario.homes))
+    return grid, prosumer_features(observation)
 
 
 def _pool(scenario: Scenario, count: int) -> Exogenous:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -13,11 +12,13 @@ from typing import Any, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic_core import from_json
 
 from zengrid.core.observe import ObservationKind, prosumer_features
 from zengrid.core.params import Homes
-from zengrid.errors import PolicyError
+from zengrid.errors import PolicyError, brief
 from zengrid.policy.relative import Relative, relative_features
+from zengrid.policy.tensor_file import TensorFile, naming, write_tensors
 
 Floats = NDArray[np.float64]
 Role = Literal["grid", "prosumer"]
@@ -25,6 +26,9 @@ Activation = Literal["tanh", "relu"]
 
 FORMAT = "zengrid.policy/1"
 """Kind and version of the file."""
+
+NAME_MAX = 200
+"""Longest name. [characters]"""
 
 _TEXTS = (
     "role",
@@ -104,22 +108,28 @@ class PolicyFile:
     def __post_init__(self) -> None:
         for name, permitted in (("role", Role), ("observation", ObservationKind), ("activation", Activation)):
             if getattr(self, name) not in get_args(permitted):
-                raise PolicyError(f"{name} = {getattr(self, name)!r}: permitted are {', '.join(get_args(permitted))}")
+                raise PolicyError(
+                    f"{name} = {brief(repr(getattr(self, name)))}: permitted are {', '.join(get_args(permitted))}"
+                )
+        if not self.name.isprintable() or len(self.name) > NAME_MAX:
+            raise PolicyError(f"name = {brief(repr(self.name))}: permitted are {NAME_MAX} printable characters")
         if not self.dt_h > 0.0:
-            raise PolicyError(f"dt_h = {self.dt_h!r}: permitted are lengths above 0 h")
+            raise PolicyError(f"dt_h = {brief(repr(self.dt_h))}: permitted are lengths above 0 h")
         if self.relative and (self.role == "grid" or self.homes):
             raise PolicyError("relative = true: permitted for a prosumer's network that serves all homes")
         expected = relative_features if self.relative else prosumer_features
         if self.role == "prosumer" and self.features != expected(self.observation):
             wanted = ", ".join(expected(self.observation))
             raise PolicyError(
-                f"features = {', '.join(self.features)}: a prosumer's {self.observation} ones are {wanted}"
+                f"features = {brief(', '.join(self.features))}: a prosumer's {self.observation} ones are {wanted}"
             )
         for name in ("offset", "scale"):
             self._check_numbers(name, getattr(self, name), (len(self.features),))
         self._check_numbers("levels", self.levels, (max(self.levels.size, 2),))
         if self.role == "prosumer" and np.any(np.abs(self.levels) > 1.0):
-            raise PolicyError(f"levels = {self.levels.tolist()}: battery levels are fractions of full power, -1 to 1")
+            raise PolicyError(
+                f"levels = {brief(self.levels.tolist())}: battery levels are fractions of full power, -1 to 1"
+            )
         if not self.layers:
             raise PolicyError("layers: there is none")
         own = (len(self.homes),) if self.homes else ()
@@ -190,13 +200,7 @@ class PolicyFile:
 
     def save(self, path: Path | str) -> None:
         """Write the file; whoever reads at the same time finds the old one or the new one, whole."""
-        from safetensors.numpy import save
-
-        path = Path(path)
-        content = save(self._tensors(), {**self._metadata(), "format": FORMAT, "version": self.version})
-        part = path.with_name(f".{path.name}.{os.getpid()}")
-        part.write_bytes(content)
-        part.replace(path)
+        write_tensors(Path(path), self._tensors(), {**self._metadata(), "format": FORMAT, "version": self.version})
 
     @classmethod
     def load(cls, path: Path | str) -> Self:
@@ -207,47 +211,41 @@ class PolicyFile:
         PolicyError
             Where it cannot be read, is no policy of this format, or contradicts itself.
         """
-        # The package's own numpy functions drop the metadata.
-        from safetensors import SafetensorError, safe_open
-
-        try:
-            with safe_open(path, framework="numpy") as opened:
-                metadata = opened.metadata() or {}
-                tensors = {name: opened.get_tensor(name) for name in opened.keys()}  # noqa: SIM118 - no dictionary
-        except (OSError, SafetensorError) as error:
-            raise PolicyError(f"policy file {path}: cannot be read ({error})") from None
-        if metadata.get("format") != FORMAT:
-            raise PolicyError(f"policy file {path}: format = {metadata.get('format')!r}, permitted is {FORMAT!r}")
-        try:
-            found = cls._of(metadata, tensors)
-        except PolicyError as error:
-            raise PolicyError(f"policy file {path}: {error}") from None
-        except (KeyError, TypeError, ValueError) as error:
-            raise PolicyError(f"policy file {path}: lacks or misspells {error}") from None
-        if metadata.get("version") != found.version:
-            raise PolicyError(
-                f"policy file {path}: was changed since it was saved as version {metadata.get('version')}"
-            )
+        path = Path(path)
+        with naming("policy file", path), TensorFile(path) as file:
+            texts = file.texts
+            if texts.get("format") != FORMAT:
+                raise PolicyError(f"format = {brief(repr(texts.get('format')))}, permitted is {FORMAT!r}")
+            try:
+                found = cls._of(file)
+            except (KeyError, TypeError, ValueError, OverflowError) as error:
+                raise PolicyError(f"lacks or misspells {brief(error)}") from None
+            if texts.get("version") != found.version:
+                raise PolicyError(f"was changed since it was saved as version {brief(repr(texts.get('version')))}")
         return found
 
     @classmethod
-    def _of(cls, metadata: Mapping[str, str], tensors: Mapping[str, NDArray[Any]]) -> Self:
-        told = {name: json.loads(metadata[name]) for name in _TEXTS}
-        names = {f"layers.{i}.{part}" for i in range(len(tensors) // 2) for part in Layer._fields}
-        if set(tensors) != names:
-            raise PolicyError(
-                f"tensors {', '.join(sorted(tensors))}: expected are layers.0.weight, layers.0.bias and so on"
-            )
-        wrong = [name for name, tensor in tensors.items() if tensor.dtype != np.float32]
-        if wrong:
-            raise PolicyError(f"{wrong[0]} is {tensors[wrong[0]].dtype}: permitted is float32")
-        layers = (Layer(tensors[f"layers.{i}.weight"], tensors[f"layers.{i}.bias"]) for i in range(len(tensors) // 2))
+    def _of(cls, file: TensorFile) -> Self:
+        told = {name: from_json(file.texts[name]) for name in _TEXTS}
+        for name, kind in (("name", str), ("training", dict)):
+            if not isinstance(told[name], kind):
+                raise TypeError(f"{name} = {brief(repr(told[name]))}")
+        layers = range(len(file.shapes) // 2)
+        if set(file.shapes) != {f"layers.{i}.{part}" for i in layers for part in Layer._fields}:
+            names = brief(", ".join(sorted(file.shapes)))
+            raise PolicyError(f"tensors {names}: expected are layers.0.weight, layers.0.bias and so on")
+        for name, shape in file.shapes.items():
+            if shape.dtype != "float32":
+                raise PolicyError(f"{name} is {shape.dtype}: permitted is float32")
+        tensors = file.read()
         for name in ("offset", "scale", "levels"):
             told[name] = np.array(told[name], dtype=np.float64)
         for name in ("features", "homes"):
             told[name] = tuple(str(item) for item in told[name])
-        told["relative"] = bool(json.loads(metadata.get("relative", "false")))
-        return cls(layers=tuple(layers), **told)
+        told["relative"] = bool(from_json(file.texts.get("relative", "false")))
+        return cls(
+            layers=tuple(Layer(*(tensors[f"layers.{i}.{part}"] for part in Layer._fields)) for i in layers), **told
+        )
 
     def _metadata(self) -> dict[str, str]:
         """Everything but the tensors, each as JSON."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,8 @@ from zengrid.core.levels import level_commands
 from zengrid.core.params import Facilities, Market
 from zengrid.errors import PolicyError, ScenarioError
 from zengrid.policy.facts import Foresight, MarketFacts
-from zengrid.policy.prices import price_schedule
+from zengrid.policy.prices import price_schedule, price_steps
+from zengrid.policy.seed import read_seed
 from zengrid.policy.views import DayNumber, ProsumerView
 
 if TYPE_CHECKING:
@@ -121,35 +122,63 @@ class Optimum:
             )
 
 
-def make_optimum(facts: MarketFacts, text: str) -> Optimum:
-    """``optimum``, with options as in ``scenario=paper,seed=3,data=homes,prices=0.05,18:00=0.09``.
+class Options(NamedTuple):
+    """What stands behind the colon of ``optimum:``."""
 
-    scenario, seed, data: what to look into for profiles; without them, what the market's facts offer.
-    prices: the schedule to expect; it comes last, as it contains commas.
+    scenario: str | None = None
+    """where profiles are looked up; None: what the market's facts offer"""
+    seed: int | None = None
+    data: str | None = None
+    prices: str | None = None
+    """the schedule to expect"""
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """What it reads that is no part of zengrid."""
+        from zengrid.scenario import BUILTIN
+
+        named = () if self.scenario is None or self.scenario in BUILTIN else (self.scenario,)
+        return named if self.data is None else (*named, self.data)
+
+
+def read_options(text: str) -> Options:
+    """Options as in ``scenario=paper,seed=3,data=homes,prices=0.05,18:00=0.09``; prices come last: they have commas.
+
+    Raises
+    ------
+    PolicyError
+        Where they are wrong whatever the market.
     """
     options, has_prices, prices = text.partition("prices=")
     given = dict(part.partition("=")[::2] for part in options.split(",") if part)
     unknown = set(given) - {"scenario", "seed", "data"}
     if unknown:
         raise PolicyError(f"{', '.join(sorted(unknown))}: permitted are scenario, seed, data and, at the end, prices")
+    if has_prices:
+        price_steps(prices)
+    seed = given.get("seed")
+    return Options(
+        given.get("scenario"), read_seed(seed) if seed else None, given.get("data"), prices if has_prices else None
+    )
+
+
+def make_optimum(facts: MarketFacts, options: Options) -> Optimum:
+    """An optimum for a market."""
     foresight = facts.foresight
-    if foresight is None or given:
-        foresight = _look_into(facts, given)
-    return Optimum(facts, foresight, price_schedule(prices, facts) if has_prices else None)
+    if foresight is None or options._replace(prices=None) != Options():
+        foresight = _look_into(facts, options)
+    return Optimum(facts, foresight, None if options.prices is None else price_schedule(options.prices, facts))
 
 
-def _look_into(facts: MarketFacts, given: dict[str, str]) -> Foresight:
+def _look_into(facts: MarketFacts, options: Options) -> Foresight:
     """The homes' profiles out of a scenario."""
-    name, seed = given.get("scenario", facts.scenario), given.get("seed", "")
+    name = facts.scenario if options.scenario is None else options.scenario
     if not name:
         raise PolicyError("it must know the future: give scenario=NAME (and seed=N), as the market was started with")
-    if seed and not seed.isdecimal():
-        raise PolicyError(f"seed = {seed}: permitted is a whole number from 0 up")
     from zengrid.scenario import load  # only who looks into a scenario needs to read one
 
-    data = given.get("data")
     try:
-        scenario = load(name, data=None if data is None else Path(data), seed=int(seed) if seed else None)
+        scenario = load(name, data=None if options.data is None else Path(options.data), seed=options.seed)
         strangers = [home for home in facts.home_ids if home not in scenario.home_ids]
         if strangers:
             there = ", ".join(scenario.home_ids[:10])

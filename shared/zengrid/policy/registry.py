@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeVar
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 from zengrid.core.baselines import BASELINE_BUY_PRICE
 from zengrid.errors import PolicyError
 from zengrid.policy.facts import MarketFacts
+from zengrid.policy.prices import price_steps
 from zengrid.policy.rules import Conventional, FixedPrice, Idle, RandomCommands, RandomPrice, TimeOfUse
+from zengrid.policy.seed import read_seed
 from zengrid.policy.views import GridPolicy, ProsumerPolicy
+
+if TYPE_CHECKING:
+    from zengrid.policy.optimum import Options
 
 P = TypeVar("P")
 
@@ -17,13 +22,32 @@ SUFFIX = ".safetensors"
 """Of files that hold a trained policy."""
 
 
-def _optimum(facts: MarketFacts, text: str) -> ProsumerPolicy:
-    from zengrid.policy.optimum import make_optimum  # an agent that follows a rule needs no dynamic programming
+class Rule(NamedTuple, Generic[P]):
+    """How a name becomes a policy."""
 
-    return make_optimum(facts, text)
+    read: Callable[[str], Any]
+    """Reads what stands behind the colon; raises PolicyError where that is wrong whatever the market."""
+    make: Callable[[MarketFacts, Any], P]
+    """Takes what was read."""
 
 
-def _trained_prosumer(facts: MarketFacts, text: str) -> ProsumerPolicy:
+def _nothing(text: str) -> None:
+    """For policies that are complete with their name; ``_read`` refuses a colon."""
+
+
+def _read_optimum(text: str) -> Options:
+    from zengrid.policy.optimum import read_options  # an agent that follows a rule needs no dynamic programming
+
+    return read_options(text)
+
+
+def _optimum(facts: MarketFacts, options: Options) -> ProsumerPolicy:
+    from zengrid.policy.optimum import make_optimum
+
+    return make_optimum(facts, options)
+
+
+def _trained_prosumer(facts: MarketFacts, nothing: None) -> ProsumerPolicy:
     from zengrid.policy import trained  # an agent that follows a rule reads no files
     from zengrid.policy.network import ProsumerNetwork
 
@@ -31,38 +55,71 @@ def _trained_prosumer(facts: MarketFacts, text: str) -> ProsumerPolicy:
     return Conventional() if file is None else ProsumerNetwork(file, facts)
 
 
-def _generic(facts: MarketFacts, text: str) -> ProsumerPolicy:
+def _generic(facts: MarketFacts, nothing: None) -> ProsumerPolicy:
     from zengrid.policy import trained
     from zengrid.policy.network import ProsumerNetwork
 
     return ProsumerNetwork(trained.load(trained.GENERIC), facts)
 
 
-def _trained_grid(facts: MarketFacts, text: str) -> GridPolicy:
+def _trained_grid(facts: MarketFacts, nothing: None) -> GridPolicy:
     from zengrid.policy import trained
     from zengrid.policy.network import GridNetwork
 
     file = trained.for_grid(facts).file
-    return FixedPrice(facts, _price("", facts)) if file is None else GridNetwork(file, facts)
+    return _fixed(facts, None) if file is None else GridNetwork(file, facts)
 
 
-_PROSUMER: dict[str, Callable[[MarketFacts, str], ProsumerPolicy]] = {
-    "trained": _trained_prosumer,
-    "generic": _generic,
-    "conventional": lambda facts, text: Conventional(),
-    "idle": lambda facts, text: Idle(),
-    "random": lambda facts, text: RandomCommands(facts, _seed(text)),
-    "optimum": _optimum,
+def _read_price(text: str) -> float | None:
+    try:
+        return float(text) if text else None
+    except ValueError:
+        raise PolicyError(f"{text!r} is not a price") from None
+
+
+def _fixed(facts: MarketFacts, price: float | None) -> GridPolicy:
+    if price is None:
+        # The price of a market without demand response, where it may be set.
+        known = any(abs(level - BASELINE_BUY_PRICE) <= 1e-9 for level in facts.buy_prices)
+        price = BASELINE_BUY_PRICE if known else min(facts.buy_prices)
+    return FixedPrice(facts, price)
+
+
+def _read_schedule(text: str) -> str:
+    price_steps(text)
+    return text
+
+
+_PROSUMER: dict[str, Rule[ProsumerPolicy]] = {
+    "trained": Rule(_nothing, _trained_prosumer),
+    "generic": Rule(_nothing, _generic),
+    "conventional": Rule(_nothing, lambda facts, nothing: Conventional()),
+    "idle": Rule(_nothing, lambda facts, nothing: Idle()),
+    "random": Rule(read_seed, RandomCommands),
+    "optimum": Rule(_read_optimum, _optimum),
 }
-_GRID: dict[str, Callable[[MarketFacts, str], GridPolicy]] = {
-    "trained": _trained_grid,
-    "fixed": lambda facts, text: FixedPrice(facts, _price(text, facts)),
-    "tou": TimeOfUse,
-    "random": lambda facts, text: RandomPrice(facts, _seed(text)),
+_GRID: dict[str, Rule[GridPolicy]] = {
+    "trained": Rule(_nothing, _trained_grid),
+    "fixed": Rule(_read_price, _fixed),
+    "tou": Rule(_read_schedule, TimeOfUse),
+    "random": Rule(read_seed, RandomPrice),
 }
-_PLAIN = ("trained", "generic", "conventional", "idle")
 PROSUMER_POLICIES = tuple(_PROSUMER)
 GRID_POLICIES = tuple(_GRID)
+
+
+def prosumer_policy_files(text: str) -> tuple[str, ...]:
+    """The files that a prosumer's policy would read beside those that come with zengrid.
+
+    Raises
+    ------
+    PolicyError
+        Where there is no such policy, or what stands behind its colon is wrong whatever the market.
+    """
+    if text.endswith(SUFFIX):
+        return (text,)
+    read = _read(text, _PROSUMER, "prosumer")[1]
+    return read.files if text.startswith("optimum") else ()
 
 
 def make_prosumer_policy(text: str, facts: MarketFacts) -> ProsumerPolicy:
@@ -95,31 +152,23 @@ def make_grid_policy(text: str, facts: MarketFacts) -> GridPolicy:
     return _make(text, facts, _GRID, "grid")
 
 
-def _make(text: str, facts: MarketFacts, known: dict[str, Callable[[MarketFacts, str], P]], role: str) -> P:
-    name, colon, rest = text.partition(":")
-    if name not in known:
-        raise PolicyError(f"policy = {text}: a {role} can play {', '.join(known)}, or a *{SUFFIX} file")
-    if colon and name in _PLAIN:
-        raise PolicyError(f"policy = {text}: {name} takes nothing after its name")
+def _make(text: str, facts: MarketFacts, known: dict[str, Rule[P]], role: str) -> P:
+    rule, read = _read(text, known, role)
     try:
-        return known[name](facts, rest)
+        return rule.make(facts, read)
     except PolicyError as error:
         raise PolicyError(f"policy = {text}: {error}") from None
 
 
-def _seed(text: str) -> int:
-    text = text.removeprefix("seed=")
-    if text and not text.isdecimal():
-        raise PolicyError(f"seed = {text}: permitted is a whole number from 0 up")
-    return int(text or 0)
-
-
-def _price(text: str, facts: MarketFacts) -> float:
-    if not text:
-        # The price of a market without demand response, where it may be set.
-        known = any(abs(level - BASELINE_BUY_PRICE) <= 1e-9 for level in facts.buy_prices)
-        return BASELINE_BUY_PRICE if known else min(facts.buy_prices)
+def _read(text: str, known: dict[str, Rule[P]], role: str) -> tuple[Rule[P], Any]:
+    """The rule that a text names, and what it has read behind the colon."""
+    name, colon, rest = text.partition(":")
+    if name not in known:
+        raise PolicyError(f"policy = {text}: a {role} can play {', '.join(known)}, or a *{SUFFIX} file")
+    rule = known[name]
+    if colon and rule.read is _nothing:
+        raise PolicyError(f"policy = {text}: {name} takes nothing after its name")
     try:
-        return float(text)
-    except ValueError:
-        raise PolicyError(f"{text!r} is not a price") from None
+        return rule, rule.read(rest)
+    except PolicyError as error:
+        raise PolicyError(f"policy = {text}: {error}") from None

@@ -8,10 +8,15 @@ import sys
 import traceback
 from collections.abc import Callable, Iterable, Sequence
 
+from zengrid.processes.log import PRIVATE
 from zengrid.processes.spec import ProcessSpec
 
 Start = Callable[[ProcessSpec, Sequence[str]], int]
-"""Starts a process with these arguments and returns its id."""
+"""Starts a process with these arguments and returns its id.
+
+Raises OSError where the system has no room for it, or where it does not take the arguments; ValueError where a text in
+them, or in its environment, cannot be given to a process.
+"""
 
 _STDIN, _STDOUT, _STDERR = 0, 1, 2
 _APPEND = os.O_WRONLY | os.O_CREAT | os.O_APPEND
@@ -38,7 +43,7 @@ def fork(spec: ProcessSpec, arguments: Sequence[str]) -> int:
         signal.pthread_sigmask(signal.SIG_SETMASK, ())
         _redirect(os.open(os.devnull, os.O_RDONLY), [_STDIN])
         if spec.log is not None:
-            _redirect(os.open(spec.log, _APPEND, 0o644), [_STDOUT, _STDERR])
+            _redirect(os.open(spec.log, _APPEND, PRIVATE), [_STDOUT, _STDERR])
         # What the supervisor has put in their place, or not yet written, is no business of this process.
         sys.stdin, sys.stdout, sys.stderr = open(_STDIN), open(_STDOUT, "w", 1), open(_STDERR, "w", 1)  # noqa: SIM115
         os.environ.update(spec.environment)
@@ -63,7 +68,7 @@ def spawn(spec: ProcessSpec, arguments: Sequence[str]) -> int:
     ]
     if spec.log is not None:
         actions += [
-            (os.POSIX_SPAWN_OPEN, _STDOUT, str(spec.log), _APPEND, 0o644),
+            (os.POSIX_SPAWN_OPEN, _STDOUT, str(spec.log), _APPEND, PRIVATE),
             (os.POSIX_SPAWN_DUP2, _STDOUT, _STDERR),
         ]
     title = spec.title or spec.name

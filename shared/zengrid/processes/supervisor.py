@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import math
 import os
 import signal
 import time
 from collections import deque
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, Self
 
@@ -186,16 +188,16 @@ class Supervisor:
 
     def _run(self, process: _Process) -> None:
         spec = process.spec
-        if spec.log is not None:
-            process.log_from = begin(spec.log)
         process.restart_at = process.kill_at = None
         process.started = self._now()
         again = spec.again if process.starts else ()
         process.starts += 1
         try:
+            if spec.log is not None:
+                process.log_from = begin(spec.log)
             process.pid = self._start(spec, (*spec.arguments, *again))
-        except OSError as error:
-            self._failed(process, f"cannot be started: {error}", hopeless=False)
+        except (OSError, ValueError) as error:
+            self._failed(process, f"cannot be started: {error}", hopeless=process.starts == 1 and _stays(error))
             return
         self._tell(Event(spec.name, "started", f"{spec.name}: started" + (" again" if process.starts > 1 else "")))
 
@@ -233,8 +235,15 @@ class Supervisor:
 
     def _bound_logs(self) -> None:
         for process in self._processes.values():
-            if process.spec.log is not None and bound(process.spec.log):
-                process.log_from = 0
+            with suppress(OSError):  # such as a full disk; it is tried again
+                if process.spec.log is not None and bound(process.spec.log):
+                    process.log_from = 0
+
+
+def _stays(error: OSError | ValueError) -> bool:
+    """Whether what kept a process from starting stays as it is; room in the system or on the disk may come."""
+    lasting = (ValueError, FileNotFoundError, NotADirectoryError, PermissionError)
+    return isinstance(error, lasting) or error.errno == errno.E2BIG
 
 
 def describe(code: int) -> str:

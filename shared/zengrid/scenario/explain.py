@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
+from reprlib import repr as shown
 from typing import TYPE_CHECKING, Any
+
+from zengrid.scenario.home import PRINTABLE
 
 if TYPE_CHECKING:
     from pydantic import ValidationError
@@ -78,7 +81,7 @@ def _describe(finding: Any, place: Place, schema: Schema, given: object) -> tupl
     for step in place:
         value = _member(value, step)
     if kind == "union_tag_invalid" and isinstance(value, Mapping):
-        return f"{path}.kind = {value['kind']!r}; permitted: {_permitted(place, schema, given)}", (*place, "kind")
+        return f"{path}.kind = {_short(value['kind'])}; permitted: {_permitted(place, schema, given)}", (*place, "kind")
     return f"{path or 'scenario'} = {_short(value)}: permitted: {_permitted(place, schema, given)}", place
 
 
@@ -89,7 +92,8 @@ def _named(message: str) -> Place:
 
 
 def _short(value: object) -> str:
-    text = repr(value)
+    # A whole text of what is nested would, with aliases in a file, have no end.
+    text = repr(value) if isinstance(value, str | int | float) else shown(value)
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 
 
@@ -155,7 +159,7 @@ def _words(node: Schema, schema: Schema) -> str:
     if kind == "object":
         fields = _fields(node)
         return f"the fields {', '.join(fields)}" if fields else "pairs of a name and a number"
-    if "pattern" in node:
+    if node.get("pattern", PRINTABLE) != PRINTABLE:
         return f"text like {_EXAMPLES.get(node['pattern'], node['pattern'])}"
     return f"text of at most {node['maxLength']} characters" if "maxLength" in node else "text"
 

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-import yaml
 
 from zengrid.core.state import Exogenous
 from zengrid.errors import ScenarioError
+from zengrid.scenario.files import write
 from zengrid.scenario.scenario import Scenario
 
 Format = Literal["csv", "parquet"]
@@ -98,7 +98,7 @@ def _write_replay(scenario: Scenario, folder: Path) -> Path:
     rated_kw = {home.id: home.pv_kw for home in scenario.homes if home.pv_kw > 0.0}
     fields["data"] = {"kind": "csv", "path": "profiles.csv", "pv_rated_kw": rated_kw}
     fields["noise"] = dict.fromkeys(fields["noise"], 0.0)
-    return _write(folder / "scenario.yaml", yaml.safe_dump(fields, sort_keys=False, allow_unicode=True, width=120))
+    return _write(folder / "scenario.yaml", write(fields))
 
 
 def _write_parquet(scenario: Scenario, made: Exogenous, times: list[datetime], folder: Path) -> list[Path]:

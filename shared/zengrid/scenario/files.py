@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,12 +14,32 @@ from zengrid.errors import ScenarioError
 from zengrid.scenario.scenario import Scenario
 from zengrid.scenario.source import BuiltinData, content_hash
 
+try:
+    from yaml import CSafeDumper as SafeDumper
+    from yaml import CSafeLoader as SafeLoader
+except ImportError:  # built without the C library
+    from yaml import SafeDumper, SafeLoader  # type: ignore[assignment]
+
 if TYPE_CHECKING:
     from zengrid.scenario.explain import Place
 
 _BUILTIN = Path(__file__).parent / "builtin"
-_Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-_Dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+_POWER = re.compile(r"[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)[eE][-+]?[0-9]+$")
+
+
+class _Loader(SafeLoader):
+    """Reads ``1e3`` as a number, as YAML 1.2 and everybody else does."""
+
+
+class _Dumper(SafeDumper):
+    """Puts a text like ``1e3`` in quotes."""
+
+
+for _kind in (_Loader, _Dumper):
+    _kind.add_implicit_resolver("tag:yaml.org,2002:float", _POWER, list("-+.0123456789"))
+
+MOST_DEPTH = 50
+"""Deepest nesting of a file; scenarios need six levels."""
 
 BUILTIN = ("paper", "fontana", "village", "city")
 """Scenarios that ship with zengrid."""
@@ -75,19 +96,7 @@ def loads(
     ScenarioError
         As ``load`` does.
     """
-    loader = _Loader(text)
-    try:
-        node = loader.get_single_node()
-        _refuse_doubles(node, where)
-        fields = loader.construct_document(node) if node is not None else None
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        line = f", line {mark.line + 1}" if mark is not None else ""
-        raise ScenarioError(f"{where}{line}: is not YAML ({getattr(error, 'problem', error)})") from None
-    finally:
-        loader.dispose()
-    if not isinstance(fields, dict):
-        raise ScenarioError(f"{where}: holds no fields; needed: name, tariff, facilities, homes and the like")
+    fields, node = _parsed(text, where)
     if data is not None:
         source = fields.get("data")
         if not isinstance(source, dict) or source.get("kind") not in ("citylearn", "csv"):
@@ -104,13 +113,60 @@ def loads(
         raise ScenarioError("\n".join(f"{where}, {line}" for line in found)) from None
 
 
+def parse(text: str) -> dict[str, Any]:
+    """The fields of a scenario as text, which are not checked.
+
+    Raises
+    ------
+    ScenarioError
+        Where it is not YAML.
+    """
+    return _parsed(text, "scenario")[0]
+
+
+def _parsed(text: str, where: str) -> tuple[dict[str, Any], yaml.Node | None]:
+    loader = _Loader(text)
+    try:
+        _refuse_depth(text, where)
+        node = loader.get_single_node()
+        _refuse_doubles(node, where)
+        fields = loader.construct_document(node) if node is not None else None
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        line = f", line {mark.line + 1}" if mark is not None else ""
+        raise ScenarioError(f"{where}{line}: is not YAML ({getattr(error, 'problem', error)})") from None
+    finally:
+        loader.dispose()
+    if not isinstance(fields, dict):
+        raise ScenarioError(f"{where}: holds no fields; needed: name, tariff, facilities, homes and the like")
+    return fields, node
+
+
 def dump(scenario: Scenario) -> str:
     """The complete scenario as YAML, defaults included; data files by absolute path and content hash."""
     fields = scenario.model_dump(mode="json", by_alias=True, exclude=scenario.drawn)
     if not isinstance(scenario.data, BuiltinData):
         fields["data"]["sha256"] = content_hash(scenario.data.files(scenario.slot_minutes))
+    return write(fields)
+
+
+def write(fields: dict[str, Any]) -> str:
+    """Fields as YAML; the inverse of ``parse``."""
     text: str = yaml.dump(fields, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=120)
     return text
+
+
+def _refuse_depth(text: str, where: str) -> None:
+    """The parser builds what is nested by calling itself, and some ten thousand levels would end the process."""
+    depth = 0
+    for event in yaml.parse(text, Loader=_Loader):
+        if isinstance(event, yaml.CollectionStartEvent):
+            depth += 1
+            if depth > MOST_DEPTH:
+                line = "" if event.start_mark is None else f", line {event.start_mark.line + 1}"
+                raise ScenarioError(f"{where}{line}: nested deeper than {MOST_DEPTH} levels")
+        elif isinstance(event, yaml.CollectionEndEvent):
+            depth -= 1
 
 
 def _refuse_doubles(root: yaml.Node | None, where: str) -> None:

@@ -6,13 +6,23 @@ from collections.abc import Sequence
 from typing import Annotated, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
 from zengrid.core.params import Homes
 
 Id = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,62}$", description="Lower-case name, unique among its kind.")]
 
 
+def _printable(text: str) -> str:
+    if not text.isprintable():
+        raise ValueError("permitted are printable characters")
+    return text
+
+
+PRINTABLE = r"^[^\x00-\x1f\x7f-\x9f\u2028\u2029]*$"
+"""What a schema can say of printable text: no control characters, and no other ends of a line."""
+Printable = Annotated[str, AfterValidator(_printable), Field(json_schema_extra={"pattern": PRINTABLE})]
+"""Text that a line of a log or a terminal can show, and a process be started with."""
 SMALLEST = 1e-3
 """Smallest battery capacity and power but for 0. [kWh], [kW]"""
 
@@ -23,7 +33,13 @@ class Spec(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True, defer_build=True)
 
 
-class BatterySpec(Spec):
+class StrictSpec(Spec):
+    """A part that also arrives in messages, where a number is a number: no text, and neither true nor false."""
+
+    model_config = ConfigDict(strict=True)
+
+
+class BatterySpec(StrictSpec):
     """A home's battery. The defaults are the paper's, but for the capacity."""
 
     capacity_kwh: float = Field(
@@ -68,16 +84,16 @@ class BatterySpec(Spec):
         return min(max(wanted, self.soc_min), self.soc_max)
 
 
-class LoadSpec(Spec):
+class LoadSpec(StrictSpec):
     """What a home consumes: a named profile of the scenario's data, scaled."""
 
-    profile: str | None = Field(
+    profile: Printable | None = Field(
         default=None, max_length=200, description="Load profile of the scenario's data; null takes its first home's."
     )
     scale: float = Field(default=1.0, ge=0.0, le=1e6, description="Factor on the profile [-].")
 
 
-class HomeSpec(Spec):
+class HomeSpec(StrictSpec):
     """A prosumer's home. ``HomeSpec(id="p4", pv_kw=5, battery={"capacity_kwh": 10})`` is complete."""
 
     id: Id

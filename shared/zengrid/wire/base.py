@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler
 from pydantic_core import core_schema
 
+from zengrid.scenario.home import Printable
+
 MAX_HOMES = 100_000
 """Most homes one message may carry."""
 
@@ -17,7 +19,7 @@ RunName = Annotated[
     str, Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,62}$", description="Name of the run, part of every key.")
 ]
 Instance = Annotated[
-    str,
+    Printable,
     Field(
         min_length=8,
         max_length=64,

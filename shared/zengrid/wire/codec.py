@@ -98,7 +98,8 @@ def explain(error: ValidationError) -> str:
     first = error.errors(include_url=False, include_context=False)[0]
     field = ".".join(str(part) for part in first["loc"]) or "message"
     shown = _SHORT.repr(first["input"])
-    return f"{field} = {shown if len(shown) <= 60 else shown[:57] + '...'}: {first['msg']}"
+    value = shown if len(shown) <= 60 else shown[:57] + "..."
+    return f"{field} = {value}: {first['msg'].removeprefix('Value error, ')}"
 
 
 def _split(fields: dict[str, Any], prefix: str, columns: dict[str, np.ndarray]) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from zengrid.scenario.home import HomeSpec
+from zengrid.scenario.home import HomeSpec, Printable
 from zengrid.wire.base import MAX_HOMES, AgentId, Column, Instance, Message, Price, RunName
 from zengrid.wire.slots import SettledSlot
 
@@ -29,7 +29,7 @@ class JoinRequest(Message):
     agent: AgentId
     role: Literal["grid", "prosumer"]
     instance: Instance
-    policy: str = Field(default="", max_length=200, description="Name of what decides, for display.")
+    policy: Printable = Field(default="", max_length=200, description="Name of what decides, for display.")
     homes: Annotated[tuple[HomeSpec, ...], Field(fail_fast=True, max_length=MAX_HOMES)] | None = Field(
         default=None, description="Homes to add; null takes over the homes that the scenario gives this agent."
     )

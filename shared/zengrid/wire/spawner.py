@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from zengrid.scenario.home import HomeSpec
+from zengrid.scenario.home import HomeSpec, Printable
 from zengrid.wire.base import AgentId, Message
 
 ProcessState = Literal["starting", "running", "restarting", "stopping", "given_up"]
@@ -16,8 +16,10 @@ class SpawnRequest(Message):
     """Start a process that brings a home."""
 
     home: HomeSpec = Field(description="The home; its id is the agent's, too.")
-    policy: str = Field(default="trained", max_length=200, description="Rule, or policy file known to the spawner.")
-    key: str = Field(
+    policy: Printable = Field(
+        default="trained", max_length=200, description="Rule, or policy file known to the spawner."
+    )
+    key: Printable = Field(
         default="",
         max_length=200,
         description="Chosen by whoever asks: the same key again starts nothing a second time.",
@@ -61,4 +63,5 @@ class SpawnerStatus(Message):
     memory_limit_mb: float = Field(description="Most memory of all processes together [MiB].")
     memory_mb: float = Field(description="Memory of all processes together [MiB].")
     policies: tuple[str, ...] = Field(description="What its prosumers can play.")
+    refused: dict[str, int] = Field(description="Refused requests by cause.")
     processes: tuple[ProcessStatus, ...]

@@ -71,7 +71,7 @@ def test_the_gateway_and_the_table() -> None:
     spawner = plan().spawner()
     assert spawner.arguments[0] == "zengrid_spawner"
     wanted = understood(ProcessSpec("spawner", "zengrid_spawner", spawner.arguments[1:]))
-    assert (wanted.connect, wanted.logs) == (ENDPOINT, Path("runs/main"))
+    assert (wanted.connect, wanted.logs) == (ENDPOINT, Path("runs/main/spawner"))
     top = import_module("zengrid_cli.top").parser().parse_args(plan().table("http://x", live=False).arguments)
     assert (top.plain, top.where, top.connect) == (True, "http://x", ENDPOINT)
 

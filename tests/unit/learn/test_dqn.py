@@ -10,7 +10,7 @@ pytest.importorskip("torch", reason="extra learn is not installed")
 
 import torch
 
-from zengrid.learn.dqn import DQN
+from zengrid.learn.dqn import DQN, Stack
 from zengrid.learn.networks import forward, fresh
 from zengrid.learn.settings import Learning, Settings
 
@@ -36,7 +36,7 @@ def corridor(learning: Learning, updates: int = 400) -> DQN:
 
     Two learners live in it at once; for the second one left is right.
     """
-    learners = DQN(2, 8, 4, 2, replace(learning, memory=4096, average=0.9), torch.Generator().manual_seed(3))
+    learners = DQN(Stack(2, 8, 4, 2), replace(learning, memory=4096, average=0.9), torch.Generator().manual_seed(3))
     generator = torch.Generator().manual_seed(4)
     place = torch.zeros((2, 8), dtype=torch.int64)
     for step in range(updates):

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from functools import reduce
+from operator import getitem
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +27,7 @@ from zengrid.learn.memory import Memory
 from zengrid.learn.replay import Replay
 from zengrid.policy.file import Role
 from zengrid.policy.network import ProsumerNetwork
+from zengrid.policy.tensor_file import TensorFile, write_tensors
 
 NEVER = PAPER.with_(soc_reset="never")
 HOME = slice(1, 2)
@@ -100,7 +104,7 @@ def test_a_home_learns_what_pays_and_acts_as_its_file_says() -> None:
 
 
 def test_saved_and_restored_it_goes_on_exactly(tmp_path: Path) -> None:
-    path = tmp_path / "p2.pt"
+    path = tmp_path / "p2.checkpoint"
     whole, first = OneHome(learner(3)), OneHome(learner(3))
     whole.play(120)
     first.play(120)
@@ -118,7 +122,7 @@ def test_saved_and_restored_it_goes_on_exactly(tmp_path: Path) -> None:
 
 
 def test_what_does_not_fit_is_refused_and_kept(tmp_path: Path) -> None:
-    path = tmp_path / "p2.pt"
+    path = tmp_path / "p2.checkpoint"
     learner().save(path)
     other = ProsumerLearner("p1", market_facts(NEVER, ("p1",)), quick("prosumer"))
     with pytest.raises(PolicyError, match="agent = p2, here it is p1"):
@@ -127,6 +131,67 @@ def test_what_does_not_fit_is_refused_and_kept(tmp_path: Path) -> None:
     with pytest.raises(PolicyError, match="cannot be read"):
         learner().restore(path)
     assert path.read_bytes() == b"half a file"
+
+
+@pytest.fixture(scope="module")
+def begun(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What a learner left that has begun to act."""
+    market, path = OneHome(learner()), tmp_path_factory.mktemp("begun") / "p2.checkpoint"
+    market.play(30)
+    market.learner.save(path)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "new", "words"),
+    [
+        ("levels", [-1.0, 1.0], r"levels = \(-1.0, 1.0\), here it is"),
+        ("agent", "p" * 10**5, r"agent = p{97}\.\.\., here it is p2"),
+        ("dt_h", "1.0", "dt_h = '1.0'"),
+        ("slots", -1, "slots = -1"),
+        ("last", [1], "last.1"),
+        ("begun.features", ["soc"], "features = soc: here they are soc, pv_kw"),
+        ("begun.offset", [0.0], "offset has 1 numbers: there are 7 features"),
+        ("begun.scale", [-1.0] * 7, "begun.scale.0 = -1.0"),
+        ("begun.hidden", [10**8], r"dqn.online.0 is float32\[1, 7, 64\]: it must be float32\[1, 7, 100000000\]"),
+        ("begun.hidden", [], "it must be"),
+        ("begun.activation", "gelu", "begun.activation = 'gelu'"),
+        ("begun.reward_scale", float("inf"), "begun.reward_scale = inf"),
+        ("begun", None, "dqn.* is unknown"),
+        ("dqn.replay.gap", np.full(500, 2, np.uint8).view(bool), "dqn.replay.gap has truth values that are neither"),
+        ("dqn.replay.action", np.full((500, 1, 1), 5), "dqn.replay.action has numbers from 5"),
+        ("dqn.online.0", np.full((1, 7, 64), np.inf, np.float32), "dqn.online.0 has numbers that are not finite"),
+        ("generator", np.zeros(3, np.uint8), r"generator is uint8\[3\]"),
+    ],
+)
+def test_what_no_learner_left_is_refused_and_changes_nothing(
+    begun: Path, tmp_path: Path, name: str, new: Any, words: str
+) -> None:
+    with TensorFile(begun) as file:
+        arrays, values = file.read(), json.loads(file.texts["values"])
+    if isinstance(new, np.ndarray):
+        arrays[name] = new
+    else:
+        *steps, last = name.split(".")
+        reduce(getitem, steps, values)[last] = new
+    path = tmp_path / "p2.checkpoint"
+    write_tensors(path, arrays, {"format": "zengrid.learner/1", "values": json.dumps(values)})
+    other = learner()
+    with pytest.raises(PolicyError, match=f"learner {path}: .*{words}"):
+        other.restore(path)
+    assert (other.watches, other.slots) == (True, 0)
+    other.restore(begun)
+    assert (other.watches, other.slots) == (False, 29)
+
+
+def test_a_policy_to_start_from_has_a_usable_scale_of_rewards() -> None:
+    market = OneHome(learner())
+    market.play(30)
+    file = market.learner.file()
+    for wrong in (0.0, -1.0, float("nan"), "large", None, [1.0]):
+        start = replace(file, training={**file.training, "reward_scale": wrong})
+        with pytest.raises(PolicyError, match=r"reward_scale = .*a number above 0"):
+            ProsumerLearner("p2", market_facts(NEVER, ("p2",)), quick("prosumer"), start=start)
 
 
 def test_missed_slots_are_gaps_in_what_it_remembers() -> None:

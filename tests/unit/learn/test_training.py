@@ -14,12 +14,14 @@ import torch
 
 from zengrid.env.facts import market_facts
 from zengrid.errors import PolicyError
+from zengrid.learn import checkpoint
 from zengrid.learn.evaluation import Changes, Evaluation, Evaluator, Gap, Outcome, Rank, Trained, reaches
 from zengrid.learn.run import PROGRESS, Plan, Report, Run
 from zengrid.learn.settings import Settings
-from zengrid.learn.training import Training
+from zengrid.learn.training import Progress, Training
 from zengrid.policy.file import PolicyFile
 from zengrid.policy.network import GridNetwork, ProsumerNetwork
+from zengrid.policy.tensor_file import TensorFile
 from zengrid.scenario import load
 
 PAPER = load("paper")
@@ -45,9 +47,11 @@ def test_a_seed_repeats_and_a_checkpoint_goes_on_exactly(soc_reset: str, tmp_pat
     stopped = training(soc_reset=soc_reset)
     for _ in range(4):
         stopped.day()
-    torch.save(stopped.state(), tmp_path / "state.pt")
+    checkpoint.save(tmp_path / "state", "test", stopped.state())
     again = training(soc_reset=soc_reset)
-    again.restore(torch.load(tmp_path / "state.pt", weights_only=False))
+    with TensorFile(tmp_path / "state") as file:
+        tensors = {name: torch.from_numpy(array) for name, array in file.read().items()}
+        again.restore(checkpoint.State(checkpoint.read_values(file, "test", Progress), tensors))
     while not again.done:
         again.day()
     assert same(straight.trained(), again.trained())

@@ -250,8 +250,9 @@ def test_a_file_that_is_none_or_was_changed_is_refused(tmp_path: Path) -> None:
         tensors = {name: opened.get_tensor(name) for name in opened.keys()}  # noqa: SIM118 - no dictionary
 
     def refused(words: str) -> None:
-        with pytest.raises(PolicyError, match=f"policy file .*: {words}"):
+        with pytest.raises(PolicyError, match=f"policy file .*: {words}") as error:
             PolicyFile.load(path)
+        assert len(str(error.value)) < 1000
 
     save_file({**tensors, "layers.0.bias": tensors["layers.0.bias"] + 1}, path, metadata)
     refused("was changed since it was saved")
@@ -267,6 +268,20 @@ def test_a_file_that_is_none_or_was_changed_is_refused(tmp_path: Path) -> None:
     refused("lacks or misspells 'scale'")
     save_file(tensors, path, {**metadata, "levels": json.dumps("all")})
     refused("lacks or misspells")
+    for name, wrong in (
+        ("training", "[" * 100_000), ("training", "[]"), ("name", "null"), ("name", '"\\u001b[31m"'), ("dt_h", '"1"'),
+        ("levels", f"[{'9' * 400}, 1]"), ("homes", "3"), ("role", "{}"), ("scale", "NaN"),
+        ("features", json.dumps("x" * 10**6)),
+    ):  # fmt: skip
+        save_file(tensors, path, {**metadata, name: wrong})
+        refused("")
+    for dtype, size in (("BF16", 2), ("F8_E4M3", 1), ("C64", 8)):
+        number = {"dtype": dtype, "shape": [1], "data_offsets": [0, size]}
+        other = {"dtype": "F32", "shape": [1], "data_offsets": [size, size + 4]}
+        header = {"__metadata__": metadata, "layers.0.bias": number, "layers.0.weight": other}
+        text = json.dumps(header).encode()
+        path.write_bytes(len(text).to_bytes(8, "little") + text + bytes(size + 4))
+        refused("layers.0.bias is .*: permitted is float32")
     path.write_bytes(b"not a policy")
     refused("cannot be read")
     with pytest.raises(PolicyError, match="cannot be read"):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from support.policies import PAPER, facts, play
 from zengrid.core.bounds import best_response
 from zengrid.errors import PolicyError
-from zengrid.policy.optimum import foresight_of, make_optimum
+from zengrid.policy.optimum import Options, foresight_of, make_optimum
 from zengrid.policy.registry import make_prosumer_policy
 from zengrid.policy.views import ProsumerPolicy
 from zengrid.scenario.days import Days
@@ -135,6 +135,6 @@ def test_what_is_wrong_is_named(options: str, words: list[str]) -> None:
 
 def test_without_any_scenario_it_says_what_it_needs() -> None:
     with pytest.raises(PolicyError, match="must know the future: give scenario=NAME"):
-        make_optimum(replace(facts(), scenario=""), "")
+        make_optimum(replace(facts(), scenario=""), Options())
     with pytest.raises(PolicyError, match="has 24 slots a day, the market 96"):
-        make_optimum(facts(PAPER.with_(slot_minutes=15)), "scenario=paper")
+        make_optimum(facts(PAPER.with_(slot_minutes=15)), Options("paper"))

@@ -8,7 +8,7 @@ import pytest
 from support.policies import PAPER, facts, grid_view, play
 from zengrid.errors import PolicyError
 from zengrid.policy.prices import price_schedule
-from zengrid.policy.registry import make_grid_policy, make_prosumer_policy
+from zengrid.policy.registry import make_grid_policy, make_prosumer_policy, prosumer_policy_files
 from zengrid.policy.views import ProsumerView
 from zengrid.scenario.days import Days
 
@@ -119,6 +119,12 @@ def test_random_prices_are_levels_and_repeat() -> None:
         ("prosumer", "idle:3", ["idle takes nothing"]),
         ("prosumer", "random:-1", ["policy = random:-1", "seed = -1", "from 0 up"]),
         ("prosumer", "random:x", ["seed = x"]),
+        ("prosumer", "random:\u0663", ["seed = "]),
+        ("prosumer", f"random:{2**63}", ["seed = 9223372036854775808", "from 0 up to 9223372036854775807"]),
+        ("prosumer", "random:" + "9" * 10_000, ["seed = 999", "from 0 up"]),
+        ("prosumer", "random:3.safetensors", ["policy file random:3.safetensors", "cannot be read"]),
+        ("prosumer", "optimum:seed=-3", ["policy = optimum:seed=-3", "seed = -3"]),
+        ("prosumer", "optimum:prices=0.05,0.06", ["'0.06' is not understood"]),
         ("grid", "conventional", ["policy = conventional", "fixed, tou, random", "*.safetensors"]),
         ("grid", "fixed:0.055", ["buy price = 0.055", "0.05, 0.06, 0.07, 0.08, 0.09, 0.1 $/kWh"]),
         ("grid", "fixed:cheap", ["'cheap' is not a price"]),
@@ -140,3 +146,21 @@ def test_what_is_wrong_is_named(role: str, text: str, words: list[str]) -> None:
         make(text, facts())
     for word in words:
         assert word in str(error.value)
+
+
+def test_what_a_policy_would_read_is_known_without_a_market() -> None:
+    for text in ("trained", "generic", "conventional", "idle", "random:7", "optimum:scenario=paper,seed=3,prices=0.05"):
+        assert prosumer_policy_files(text) == ()
+    assert prosumer_policy_files("../x.safetensors") == ("../x.safetensors",)
+    assert prosumer_policy_files("optimum:scenario=mine.yaml,data=../homes") == ("mine.yaml", "../homes")
+    for text in (
+        "clever",
+        "random:x",
+        "idle:3",
+        "optimum:seed=x",
+        "optimum:all=1",
+        "optimum:prices=cheap",
+        "trained:x",
+    ):
+        with pytest.raises(PolicyError, match=f"policy = {text}: "):
+            prosumer_policy_files(text)

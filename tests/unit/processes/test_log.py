@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
+import stat
 from pathlib import Path
 
-from zengrid.processes.log import MAX_BYTES, begin, bound, end_of, tail
+from zengrid.processes.log import MAX_BYTES, append, begin, bound, end_of, make_folder, tail
 
 
 def test_a_log_that_grew_too_large_is_set_aside_while_its_writer_goes_on(tmp_path: Path) -> None:
@@ -50,3 +51,35 @@ def test_bytes_that_are_no_text_are_shown_anyhow(tmp_path: Path) -> None:
     log = tmp_path / "odd.log"
     log.write_bytes(b"caf\xe9\n")
     assert tail(log) == ["caf\N{REPLACEMENT CHARACTER}"]
+
+
+def mode(path: Path) -> int:
+    return stat.S_IMODE(path.stat().st_mode)
+
+
+def test_only_their_owner_can_read_logs(tmp_path: Path) -> None:
+    folder = tmp_path / "runs" / "main"
+    make_folder(folder)
+    make_folder(folder)
+    assert mode(folder) == 0o700
+    log, old = folder / "p1.log", folder / "old.log"
+    old.write_text("of an earlier version\n")
+    old.chmod(0o644)
+    for path in (log, old):
+        begin(path)
+        append(path, "x" * MAX_BYTES)
+        assert bound(path)
+        assert (mode(path), mode(path.with_name(path.name + ".1"))) == (0o600, 0o600)
+    open_to_all = tmp_path / "shared"
+    open_to_all.mkdir()
+    open_to_all.chmod(0o755)
+    make_folder(open_to_all)
+    assert mode(open_to_all) == 0o755  # somebody's choice
+
+
+def test_the_tail_shows_no_control_characters(tmp_path: Path) -> None:
+    log = tmp_path / "p1.log"
+    log.write_text('\x1b[31mred\n{"event": "\\u001b[2J\\ud800"}\n{"event": ' + "[" * 10_000 + "\n")
+    red, cleared, deep = tail(log)
+    assert (red, cleared) == (r"\u001b[31mred", r"\u001b[2J\ud800")
+    assert deep.startswith('{"event": [[')

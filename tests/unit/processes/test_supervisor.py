@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -277,3 +278,61 @@ def test_a_log_that_grows_while_its_process_runs_is_bounded(house: House, monkey
     house.start("patient")
     house.until(lambda: (house.folder / "patient.log.1").exists())
     assert house.log("patient") == ""
+
+
+def test_logs_of_processes_are_their_owners_alone(house: House) -> None:
+    house.start("good")
+    house.until(lambda: not house.supervisor.alive())
+    assert (house.folder / "good.log").stat().st_mode & 0o777 == 0o600
+
+
+@pytest.mark.parametrize(
+    ("arguments", "why"),
+    [
+        (("--policy", "random:\0"), "embedded null byte"),
+        (("\ud800",), "surrogates not allowed"),
+        (("x" * 2**22,), "Argument list too long"),
+    ],
+)
+def test_what_no_process_can_be_given_is_told_and_ends_nothing(
+    arguments: tuple[str, ...], why: str, tmp_path: Path
+) -> None:
+    house = House(spawn, tmp_path)
+    with house.signals, house.supervisor:
+        house.start("patient")
+        house.start("good", *arguments)
+        assert house.kinds("good") == ["hopeless"]
+        assert f"good: cannot be started: {why}" in house.events[-1].text.replace("[Errno 7] ", "").replace(
+            "'utf-8' codec can't encode character '\\ud800' in position 0: ", ""
+        )
+        assert house.supervisor.alive() == ["patient"]
+        house.until(lambda: "ready" in house.log("patient"))
+        house.start("good")
+        house.until(lambda: house.supervisor.alive() == ["patient"])
+        assert house.kinds("good") == ["hopeless", "started", "ended"]
+
+
+def test_a_log_that_cannot_be_written_keeps_one_process_from_starting_and_no_other(house: House) -> None:
+    house.start("patient")
+    house.until(lambda: "ready" in house.log("patient"))
+    folder = house.folder
+    house.folder = folder / "missing"
+    house.start("good")
+    assert house.kinds("good") == ["hopeless"]
+    assert "No such file or directory" in house.events[-1].text
+    assert house.supervisor.last_words("good") == []
+    house.folder = folder
+    assert house.supervisor.alive() == ["patient"]
+
+
+def test_a_log_folder_that_is_gone_ends_no_supervisor(house: House) -> None:
+    house.folder /= "logs"
+    house.folder.mkdir()
+    house.start("patient")
+    house.until(lambda: "ready" in house.log("patient"))
+    shutil.rmtree(house.folder)
+    first = house.supervisor.pid("patient")
+    assert first is not None
+    os.kill(first, signal.SIGKILL)
+    house.until(lambda: "gave_up" in house.kinds("patient"))
+    assert "cannot be started: " in house.events[-1].text

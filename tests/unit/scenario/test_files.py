@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -206,3 +207,44 @@ def test_relative_paths_count_from_the_scenario_file(write: Write, tmp_path: Pat
 
 def test_a_home_from_the_wire_is_a_home_of_a_file(paper: Scenario) -> None:
     assert HomeSpec.model_validate_json(paper.homes[0].model_dump_json()) == paper.homes[0]
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "- " * 100_000, "{a: " * 100_000, "a: " + "[" * 50 + "]" * 50])
+def test_what_is_nested_without_end_is_refused(text: str) -> None:
+    with pytest.raises(ScenarioError, match="line 1: nested deeper than 50 levels"):
+        loads(text)
+
+
+def test_aliases_that_multiply_are_told_in_short() -> None:
+    names = "abcdefghij"
+    layers = [f"{name}: &{name} [{', '.join([f'*{before}'] * 9)}]" for before, name in pairwise(names)]
+    text = "\n".join(["a: &a [x, x, x, x, x, x, x, x, x]", *layers, "name: *j", "homes: *j"])
+    with pytest.raises(ScenarioError, match=r"name = \[+\.\.\.") as error:
+        loads(text)
+    assert len(str(error.value)) < 5000
+
+
+def test_numbers_with_an_exponent_are_numbers_and_texts_like_them_stay_texts(paper: Scenario) -> None:
+    fields = yaml.safe_load(paper.dump())
+    fields["homes"][0] |= {"id": "1e1", "pv_kw": 4.0}
+    text = loads(yaml.safe_dump(fields).replace("id: 1e1", "id: '1e1'").replace("pv_kw: 4.0", "pv_kw: 1e1", 1)).dump()
+    again = loads(text)
+    assert (again.homes[0].id, again.homes[0].pv_kw) == ("1e1", 10.0)
+    assert again.dump() == text
+
+
+@pytest.mark.parametrize("wrong", ["5", "true", "'5'", "1.0.0"])
+def test_in_a_home_a_number_is_a_number(paper: Scenario, wrong: str) -> None:
+    text = paper.dump().replace("capacity_kwh: 6.0", f"capacity_kwh: {wrong}", 1)
+    if wrong == "5":
+        assert loads(text).homes[0].battery.capacity_kwh == 5.0  # whole numbers need no point
+    else:
+        with pytest.raises(ScenarioError, match=r"homes\.0\.battery\.capacity_kwh = .*: permitted: a number from 0"):
+            loads(text)
+
+
+def test_texts_that_a_log_could_not_show_are_refused(paper: Scenario) -> None:
+    fields = yaml.safe_load(paper.dump())
+    fields["homes"][0]["load"] = {"profile": "p1\x1b[2J"}
+    with pytest.raises(ScenarioError, match=r"homes\.0\.load\.profile: permitted are printable characters"):
+        loads(yaml.safe_dump(fields))

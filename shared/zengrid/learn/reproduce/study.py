@@ -9,7 +9,6 @@ from pathlib import Path
 from zengrid.core.observe import ObservationKind
 from zengrid.errors import PolicyError
 from zengrid.learn.settings import Settings
-from zengrid.learn.sweep.axes import check
 from zengrid.learn.sweep.cell import Cell
 from zengrid.learn.sweep.job import Job
 from zengrid.learn.sweep.sweep import Sweep
@@ -44,7 +43,6 @@ class Study:
         self, folder: Path, seeds: Sequence[int], capacities_kwh: Sequence[float], settings: Settings,
         observation: ObservationKind, days: int, command: str,
     ) -> None:  # fmt: skip
-        check(settings)
         if not capacities_kwh or list(capacities_kwh) != sorted(set(capacities_kwh)) or capacities_kwh[0] <= 0:
             told = ", ".join(f"{size:g}" for size in capacities_kwh)
             raise PolicyError(f"capacities = {told}: permitted: increasing sizes above 0 kWh")

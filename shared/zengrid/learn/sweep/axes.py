@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from difflib import get_close_matches
 from itertools import product
 from typing import Any, get_args
-
-from pydantic import TypeAdapter, ValidationError
 
 from zengrid.core.observe import ObservationKind
 from zengrid.errors import PolicyError
@@ -17,9 +15,6 @@ from zengrid.learn.sweep.cell import Cell
 from zengrid.scenario import Scenario
 
 OBSERVATIONS: tuple[str, ...] = get_args(ObservationKind)
-_FROM_ONE = {"days", "memory", "steps", "pool", "batch", "n_step", "every", "updates"}
-_SHARES = {"gamma", "soft_target", "epsilon_start", "epsilon_end", "epsilon_until", "average"}
-_ABOVE_ZERO = {"lr", "lr_end"}
 
 
 def cells(
@@ -66,7 +61,6 @@ def _cell(scenario: Scenario, same: Mapping[str, Any], values: Mapping[str, Any]
     for name in in_settings:
         _known(name)
     settings = Settings.preset(preset).with_(**in_settings)
-    check(settings)
     varied = scenario.with_(**in_scenario) if in_scenario else scenario
     varied.days()  # says at once what its data lacks
     return Cell(values, varied, settings, observation)
@@ -88,38 +82,3 @@ def _known(name: str) -> None:
         f"{plain}, those of a learner also with grid_ or prosumer_ before them; "
         f"the path of a field that begins with {', '.join(Scenario.model_fields)}"
     )
-
-
-def check(settings: Settings) -> None:
-    """Refuse values that a training would choke on.
-
-    Raises
-    ------
-    PolicyError
-        Names the setting, the value and what is permitted.
-    """
-    try:
-        TypeAdapter(Settings).validate_python(settings.as_dict())
-    except ValidationError as error:
-        found = error.errors(include_url=False)[0]
-        name = "_".join(map(str, found["loc"]))
-        raise PolicyError(f"setting {name} = {found['input']}: {found['msg'][0].lower()}{found['msg'][1:]}") from None
-    for name, plain, value in _values(settings):
-        if plain in _FROM_ONE and value < 1:
-            raise PolicyError(f"setting {name} = {value}: permitted: 1 or more")
-        if plain in _SHARES and not 0.0 <= value <= 1.0:
-            raise PolicyError(f"setting {name} = {value}: permitted: 0 to 1")
-        if plain in _ABOVE_ZERO and not value > 0.0:
-            raise PolicyError(f"setting {name} = {value}: permitted: above 0")
-        if plain == "hidden" and not all(width >= 1 for width in value):
-            raise PolicyError(f"setting {name} = {list(value)}: permitted: widths of 1 or more")
-
-
-def _values(settings: Settings) -> Iterator[tuple[str, str, Any]]:
-    """Name, name without its kind, and value of every setting."""
-    for field in fields(Settings):
-        if field.name not in KINDS:
-            yield field.name, field.name, getattr(settings, field.name)
-    for kind in KINDS:
-        for deep in fields(Learning):
-            yield f"{kind}_{deep.name}", deep.name, getattr(getattr(settings, kind), deep.name)

@@ -8,7 +8,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from zengrid.errors import PolicyError
+from zengrid.errors import PolicyError, brief
 from zengrid.learn.sweep.job import RESULT, Job, Stop, do
 from zengrid.learn.sweep.workers import LOOKS_S, Progress
 
@@ -64,6 +64,9 @@ def _do_away(job: Job) -> dict[str, bytes]:
 
 def _keep(files: dict[str, bytes], folder: Path) -> None:
     """Write what a job left, its result last: what has a result is complete."""
+    outside = next((name for name in files if Path(name).name != name), None)
+    if outside is not None:
+        raise PolicyError(f"file {brief(repr(outside))} came from the cluster: permitted are names without a folder")
     folder.mkdir(parents=True, exist_ok=True)
     for name in sorted(files, key=lambda name: name == RESULT):
         (folder / name).write_bytes(files[name])
