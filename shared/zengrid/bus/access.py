@@ -17,8 +17,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from zengrid.bus.credentials import AUTHORITY, CLOCK, GATEWAY, OPERATOR, ROUTER
 from zengrid.bus.keys import Keys
 from zengrid.errors import SecurityError
+from zengrid.validation import first_error
 from zengrid.wire.base import AgentId
-from zengrid.wire.codec import explain
 
 FILE = "access.json"
 SEE = ("declare_liveliness_subscriber", "liveliness_query")
@@ -74,7 +74,7 @@ class Names(BaseModel):
         except OSError as error:
             raise SecurityError(f"{path}: {error.strerror}") from None
         except ValidationError as error:
-            raise SecurityError(f"{path}: {explain(error)}") from None
+            raise SecurityError(f"{path}: {first_error(error)}") from None
 
     def save(self, folder: Path) -> None:
         """Write the names in one step."""

@@ -4,22 +4,20 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from reprlib import repr as shown
 from typing import TYPE_CHECKING, Any
 
 from zengrid.scenario.home import PRINTABLE
+from zengrid.validation import FieldPath, field_name, short_value
 
 if TYPE_CHECKING:
     from pydantic import ValidationError
 
-Place = tuple[str | int, ...]
 Schema = Mapping[str, Any]
 
 _SHOWN = 10
-_LONGEST = 60
 
 
-def explain(error: ValidationError, given: object, line_of: Callable[[Place], int | None] | None = None) -> str:
+def explain(error: ValidationError, given: object, line_of: Callable[[FieldPath], int | None] | None = None) -> str:
     """One line for each wrong field.
 
     Parameters
@@ -34,7 +32,7 @@ def explain(error: ValidationError, given: object, line_of: Callable[[Place], in
     from zengrid.scenario.scenario import Scenario
 
     schema = Scenario.model_json_schema(by_alias=True)
-    lines: dict[Place, str] = {}
+    lines: dict[FieldPath, str] = {}
     for finding in error.errors(include_url=False):
         place = _place(finding["loc"], given, missing=finding["type"] == "missing")
         text, at = _describe(finding, place, schema, given)
@@ -49,7 +47,7 @@ def explain(error: ValidationError, given: object, line_of: Callable[[Place], in
     return "\n".join(shown)
 
 
-def _place(loc: Sequence[str | int], given: object, *, missing: bool) -> Place:
+def _place(loc: Sequence[str | int], given: object, *, missing: bool) -> FieldPath:
     """The path of a field as it stands in the file: pydantic also names which member of a union it tried."""
     place: list[str | int] = []
     for position, step in enumerate(loc):
@@ -62,9 +60,9 @@ def _place(loc: Sequence[str | int], given: object, *, missing: bool) -> Place:
     return tuple(place)
 
 
-def _describe(finding: Any, place: Place, schema: Schema, given: object) -> tuple[str, Place]:
+def _describe(finding: Any, place: FieldPath, schema: Schema, given: object) -> tuple[str, FieldPath]:
     """The line about one finding, and the field it is about."""
-    kind, path = finding["type"], ".".join(map(str, place))
+    kind, path = finding["type"], field_name(place)
     if kind == "value_error":
         message = finding["msg"].removeprefix("Value error, ")
         if not path or message.startswith("permitted"):
@@ -81,20 +79,17 @@ def _describe(finding: Any, place: Place, schema: Schema, given: object) -> tupl
     for step in place:
         value = _member(value, step)
     if kind == "union_tag_invalid" and isinstance(value, Mapping):
-        return f"{path}.kind = {_short(value['kind'])}; permitted: {_permitted(place, schema, given)}", (*place, "kind")
-    return f"{path or 'scenario'} = {_short(value)}: permitted: {_permitted(place, schema, given)}", place
+        return f"{path}.kind = {short_value(value['kind'])}; permitted: {_permitted(place, schema, given)}", (
+            *place,
+            "kind",
+        )
+    return f"{path or 'scenario'} = {short_value(value)}: permitted: {_permitted(place, schema, given)}", place
 
 
-def _named(message: str) -> Place:
+def _named(message: str) -> FieldPath:
     """The field a validator's own message begins with."""
     found = re.match(r"[a-z_]+(?=( = |: |\.))", message)
     return () if found is None or found[0] == "permitted" else (found[0],)
-
-
-def _short(value: object) -> str:
-    # A whole text of what is nested would, with aliases in a file, have no end.
-    text = repr(value) if isinstance(value, str | int | float) else shown(value)
-    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 
 
 def _member(value: object, step: str | int) -> object:
@@ -105,7 +100,7 @@ def _member(value: object, step: str | int) -> object:
     return None
 
 
-def _at(place: Place, schema: Schema, given: object) -> Schema:
+def _at(place: FieldPath, schema: Schema, given: object) -> Schema:
     """The part of the schema that describes a field."""
     node = _resolve(schema, schema, given)
     for step in place:
@@ -134,7 +129,7 @@ def _fields(node: Schema) -> list[str]:
     return list(node.get("properties", {}))
 
 
-def _permitted(place: Place, schema: Schema, given: object) -> str:
+def _permitted(place: FieldPath, schema: Schema, given: object) -> str:
     node = _at(place, schema, given)
     text = _words(node, schema)
     return f"{text}, or null" if node.get("or_null") else text

@@ -21,7 +21,7 @@ except ImportError:  # built without the C library
     from yaml import SafeDumper, SafeLoader  # type: ignore[assignment]
 
 if TYPE_CHECKING:
-    from zengrid.scenario.explain import Place
+    from zengrid.validation import FieldPath
 
 _BUILTIN = Path(__file__).parent / "builtin"
 _POWER = re.compile(r"[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)[eE][-+]?[0-9]+$")
@@ -189,8 +189,8 @@ def _refuse_doubles(root: yaml.Node | None, where: str) -> None:
             waiting.extend(node.value)
 
 
-def _lines(root: yaml.Node | None) -> Callable[[Place], int | None]:
-    def line_of(place: Place) -> int | None:
+def _lines(root: yaml.Node | None) -> Callable[[FieldPath], int | None]:
+    def line_of(place: FieldPath) -> int | None:
         node: Any = root
         line = None
         for step in place:
