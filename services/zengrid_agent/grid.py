@@ -15,17 +15,17 @@ from zengrid.policy.network import GridNetwork
 from zengrid.policy.registry import make_grid_policy
 from zengrid.policy.views import GridView
 from zengrid.wire.requests import JoinReply, JoinRequest, PolicyReply, PolicyRequest
-from zengrid.wire.slots import GridObservation
+from zengrid.wire.slot_structs import GridObservationStruct
 from zengrid_agent.answers import policy_reply, slot_of
 from zengrid_agent.facts import market_facts
 from zengrid_agent.learning import Learning
 from zengrid_agent.session import AgentSession, new_instance
 
 
-class Grid(AgentSession[GridObservation]):
+class Grid(AgentSession[GridObservationStruct]):
     """Sets prices with a policy that is made when the market is known."""
 
-    observation = GridObservation
+    observation = GridObservationStruct
 
     def __init__(self, link: AgentLink, request: JoinRequest, learning: Learning | None = None) -> None:
         super().__init__(link, request, learning)
@@ -42,7 +42,7 @@ class Grid(AgentSession[GridObservation]):
             elif self.request.policy == "trained":
                 self.say(f"grid plays {trained.for_grid(self._facts).why}")
 
-    def act(self, seen: GridObservation) -> dict[str, Any]:
+    def act(self, seen: GridObservationStruct) -> dict[str, Any]:
         """Set the price."""
         assert self._facts is not None
         view = GridView(

@@ -19,9 +19,9 @@ from zengrid.policy.network import ProsumerNetwork
 from zengrid.policy.registry import make_prosumer_policy
 from zengrid.policy.views import ProsumerPolicy, ProsumerView
 from zengrid.scenario.home import HomeSpec
-from zengrid.wire.codec import explain
+from zengrid.validation import first_error
 from zengrid.wire.requests import JoinReply, JoinRequest, PolicyReply, PolicyRequest
-from zengrid.wire.slots import FleetObservation
+from zengrid.wire.slot_structs import FleetObservationStruct
 from zengrid_agent.answers import policy_reply, slot_of
 from zengrid_agent.facts import market_facts
 from zengrid_agent.learning import Learning
@@ -33,10 +33,10 @@ NAME_MAX = 40
 """Leaves room for what follows the name in ``instance``, and for a number where it is taken."""
 
 
-class Prosumer(AgentSession[FleetObservation]):
+class Prosumer(AgentSession[FleetObservationStruct]):
     """Plays one agent's homes with a policy that is made when the market is known."""
 
-    observation = FleetObservation
+    observation = FleetObservationStruct
 
     def __init__(self, link: AgentLink, request: JoinRequest, learning: Learning | None = None) -> None:
         super().__init__(link, request, learning)
@@ -66,7 +66,7 @@ class Prosumer(AgentSession[FleetObservation]):
         described = {home.id: home for home in (*scenario.homes, *(self.request.homes or ()))}
         return foresight_of(scenario, [described[home.id] for home in market.homes])
 
-    def act(self, seen: FleetObservation) -> dict[str, Any]:
+    def act(self, seen: FleetObservationStruct) -> dict[str, Any]:
         """Command every battery."""
         view = ProsumerView(
             seen.day,
@@ -152,4 +152,4 @@ def _home(options: argparse.Namespace) -> HomeSpec:
             return HomeSpec.model_validate_json(options.home)
         return HomeSpec.model_validate(given)
     except ValidationError as error:
-        raise ScenarioError(f"home {options.id}: {explain(error)}") from None
+        raise ScenarioError(f"home {options.id}: {first_error(error)}") from None

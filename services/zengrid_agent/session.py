@@ -15,12 +15,12 @@ from typing import Any, Generic, TypeVar
 from zengrid import logs
 from zengrid.bus.agent import AgentLink, Arrival
 from zengrid.errors import ZengridError
-from zengrid.wire.codec import decode, encode_fields, read
+from zengrid.wire.codec import encode_fields, read, read_checked
 from zengrid.wire.requests import JoinReply, JoinRequest, PolicyReply, PolicyRequest
-from zengrid.wire.slots import FleetObservation, GridObservation
+from zengrid.wire.slot_structs import FleetObservationStruct, GridObservationStruct
 from zengrid_agent.learning import Learning
 
-Seen = TypeVar("Seen", GridObservation, FleetObservation)
+Seen = TypeVar("Seen", GridObservationStruct, FleetObservationStruct)
 
 LULL_S = 0.01
 """After so long without an observation more than one can have come: this process, or its policy, stood still."""
@@ -173,7 +173,9 @@ class AgentSession(ABC, Generic[Seen]):
         try:
             action = self._action(seen)
         except Exception:
-            decode(self.observation, arrival.payload, arrival.encoding)  # says so where the observation is to blame
+            read_checked(
+                self.observation, arrival.payload, arrival.encoding
+            )  # says so where the observation is to blame
             raise
         self.link.act(encode_fields(action, arrival.encoding), arrival.encoding)
         if self._learning is not None:

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zengrid.core.params import Homes
-from zengrid.wire.codec import decode, read
-from zengrid.wire.slots import FleetAction, GridAction
+from zengrid.wire.codec import read, read_checked
+from zengrid.wire.slot_structs import FleetActionStruct, GridActionStruct
 from zengrid_clock.barrier import ActionRefused, SlotPhase
 
 Floats = NDArray[np.float64]
-AnyAction = TypeVar("AnyAction", GridAction, FleetAction)
+AnyAction = TypeVar("AnyAction", GridActionStruct, FleetActionStruct)
 
 PRICE_TOLERANCE = 1e-9
 POWER_TOLERANCE_KW = 1e-9
@@ -46,7 +46,7 @@ def read_price(
     """
     if len(payload) > BYTES_BASE:
         raise ActionRefused("oversized")
-    phase, action = _read(GridAction, payload, encoding, run, instance, now)
+    phase, action = _read(GridActionStruct, payload, encoding, run, instance, now)
     if phase != now:
         return phase, action.buy_price
     for level in levels:
@@ -90,7 +90,7 @@ def read_commands(
     """
     if len(payload) > permitted.bytes_max:
         raise ActionRefused("oversized")
-    phase, action = _read(FleetAction, payload, encoding, run, instance, now)
+    phase, action = _read(FleetActionStruct, payload, encoding, run, instance, now)
     if phase != now:
         return phase, action.battery_kw
     if not permitted.permits(action.battery_kw):
@@ -111,7 +111,7 @@ def _read(
         and action.run == run
     ):
         return now, action
-    action = decode(kind, payload, encoding)
+    action = read_checked(kind, payload, encoding)
     if action.run != run:
         raise ActionRefused("wrong_run")
     if action.instance != instance:

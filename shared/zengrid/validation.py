@@ -32,4 +32,5 @@ def short_value(value: object) -> str:
 def first_error(error: ValidationError) -> str:
     """The first error that pydantic found, as one line: field, value, what is wrong."""
     first = error.errors(include_url=False, include_context=False)[0]
-    return f"{field_name(first['loc']) or 'message'} = {short_value(first['input'])}: {first['msg']}"
+    message = first["msg"].removeprefix("Value error, ")
+    return f"{field_name(first['loc']) or 'message'} = {short_value(first['input'])}: {message}"

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from zengrid.errors import PolicyError, brief
 from zengrid.policy.tensor_file import Shape, TensorFile, misfit, write_tensors
-from zengrid.wire.codec import explain
+from zengrid.validation import first_error
 
 Count = Annotated[int, Field(ge=0, lt=2**63)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -130,7 +130,7 @@ def read_values(file: TensorFile, format: str, model: type[V]) -> V:
     try:
         return model.model_validate_json(file.texts.get("values", ""))
     except ValidationError as error:
-        raise PolicyError(explain(error)) from None
+        raise PolicyError(first_error(error)) from None
 
 
 def read_tensors(file: TensorFile, wanted: Mapping[str, Shape]) -> dict[str, Tensor]:

@@ -23,7 +23,7 @@ from zengrid.learn.training import Earned, Progress, Training, training_shapes
 from zengrid.policy.tensor_file import TensorFile, naming
 from zengrid.scenario import Scenario
 from zengrid.scenario.files import loads
-from zengrid.wire.codec import explain
+from zengrid.validation import first_error
 
 CHECKPOINT = "training.checkpoint"
 FORMAT = f"zengrid.training/{__version__}"
@@ -68,7 +68,7 @@ class Plan(NamedTuple):
         try:
             written = _Plan.model_validate_json(json.dumps(values))
         except ValidationError as error:
-            raise PolicyError(f"plan.{explain(error)}") from None
+            raise PolicyError(f"plan.{first_error(error)}") from None
         count = len(written.scenarios)
         if len(written.scenario_of) != len(written.seeds) or max(written.scenario_of) >= count:
             raise PolicyError(f"plan.scenario_of: permitted is one of {count} scenarios for each of the seeds")
