@@ -115,18 +115,18 @@ class Prosumer(AgentSession[FleetObservationStruct]):
 
 def play(options: argparse.Namespace) -> None:
     """Take part until the market is over."""
-    vacancy = options.id == AUTO
-    if vacancy:
+    unclaimed = options.id == AUTO
+    if unclaimed:
         options.id = f"home-{machine_name()}"[:NAME_MAX].rstrip("-_")
     brings = options.pv is not None or options.battery is not None or options.home is not None
     request = JoinRequest(
         agent=options.id,
         role="prosumer",
         # By its name the clock knows a process again that takes whichever home is free.
-        instance=f"{options.id}.{new_instance()}" if vacancy else new_instance(),
+        instance=f"{options.id}.{new_instance()}" if unclaimed else new_instance(),
         policy=options.policy,
         homes=(_home(options),) if brings else None,
-        vacancy=vacancy,
+        unclaimed=unclaimed,
         observation=options.observation,
         encoding=options.encoding,
     )

@@ -111,10 +111,10 @@ class AgentSession(ABC, Generic[Seen]):
     def join(self) -> None:
         """Take part in the market, or go on doing so under a new clock."""
         self._last = market = self.link.join(self.request)
-        if self.request.vacancy:
+        if self.request.unclaimed:
             homes = self.request.homes
             mine = (homes[0].model_copy(update={"id": market.agent}),) if market.brought and homes else None
-            self.request = self.request.model_copy(update={"agent": market.agent, "homes": mine, "vacancy": False})
+            self.request = self.request.model_copy(update={"agent": market.agent, "homes": mine, "unclaimed": False})
         try:
             self.welcome(market)
         except ZengridError:

@@ -80,7 +80,7 @@ class Admission:
                 "invalid",
                 f"agent = {request.agent}, role = {request.role}: only the grid agent is called grid",
             )
-        if request.vacancy and request.role == "prosumer":
+        if request.unclaimed and request.role == "prosumer":
             request = self._choose_unclaimed(request)
         agent = self._registry.get(request.agent)
         if agent is None:
@@ -124,7 +124,7 @@ class Admission:
 
     def _choose_unclaimed(self, request: JoinRequest) -> JoinRequest:
         if self._limits.certified:
-            raise RequestRefused("invalid", "vacancy = true: with certificates a process plays the agent its own names")
+            raise RequestRefused("invalid", "unclaimed = true: with certificates a process plays the agent its own names")
         agents = [*self._registry.prosumers.values(), *self._registry.joining.values()]
         return choose_unclaimed(request, agents, self._market.homes)
 

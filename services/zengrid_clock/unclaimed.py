@@ -36,7 +36,7 @@ def choose_unclaimed(request: JoinRequest, agents: list[MarketAgent], homes: Ite
     """
     own_homes = request.homes or ()
     if len(own_homes) > 1:
-        raise WireError(f"homes = {len(own_homes)} homes: one at most can be brought where any vacancy will do")
+        raise WireError(f"homes = {len(own_homes)} homes: one at most can be brought by a process that plays any unclaimed agent")
     for agent in agents:
         if agent.instance == request.instance:  # It asks again because it missed the reply.
             return _as(request, agent)
@@ -49,12 +49,12 @@ def choose_unclaimed(request: JoinRequest, agents: list[MarketAgent], homes: Ite
     for agent in (*former, *of_scenario):
         return _as(request, agent)
     if not own_homes:
-        return request.model_copy(update={"vacancy": False})
+        return request.model_copy(update={"unclaimed": False})
     taken = {agent.id for agent in agents} | set(homes)
     names = (request.agent, *(f"{request.agent}-{i}" for i in range(2, len(taken) + 3)))
     name = next(name for name in names if name not in taken)
     own = own_homes[0].model_copy(update={"id": name})
-    return request.model_copy(update={"agent": name, "homes": (own,), "vacancy": False})
+    return request.model_copy(update={"agent": name, "homes": (own,), "unclaimed": False})
 
 
 def _is_unclaimed(agent: MarketAgent) -> bool:
@@ -62,4 +62,4 @@ def _is_unclaimed(agent: MarketAgent) -> bool:
 
 
 def _as(request: JoinRequest, agent: MarketAgent) -> JoinRequest:
-    return request.model_copy(update={"agent": agent.id, "homes": None, "vacancy": False})
+    return request.model_copy(update={"agent": agent.id, "homes": None, "unclaimed": False})

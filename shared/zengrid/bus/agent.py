@@ -89,7 +89,7 @@ class AgentLink:
     def join(self, request: JoinRequest, timeout_s: float = 10.0) -> JoinReply:
         """Take part; raises RefusedError with the clock's reason. Joining again with the same instance is harmless.
 
-        Whoever asks for a vacancy is the agent that the reply names from then on.
+        With ``unclaimed`` this link acts for the agent that the reply names.
         """
         self._await_clock()
         self._encoding = BINARY if request.encoding == "binary" else JSON

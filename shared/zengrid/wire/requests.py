@@ -33,10 +33,10 @@ class JoinRequest(Message):
     homes: Annotated[tuple[HomeSpec, ...], Field(fail_fast=True, max_length=MAX_HOMES)] | None = Field(
         default=None, description="Homes to add; null takes over the homes that the scenario gives this agent."
     )
-    vacancy: bool = Field(
+    unclaimed: bool = Field(
         default=False,
-        description="Play an agent of the scenario that no process plays, whichever it is; where there is none, bring "
-        "`homes` (one at most) under the name `agent`, or that name with a number. The reply tells which it is.",
+        description="Play any unclaimed agent of the scenario, that is one without a process. If there is none, bring "
+        "`homes` (at most one) under the name `agent`, with a number appended if it is taken. The reply gives the name.",
     )
     observation: Literal["paper", "public"] = "public"
     encoding: Literal["json", "binary"] = "json"
