@@ -15,7 +15,7 @@ ARGS ?=
 PYTEST_ARGS ?=
 BENCH ?= $(wildcard benchmarks/*.py)
 
-.PHONY: help up test lint format docs bench policies clean
+.PHONY: help up test lint format docs schemas bench policies clean
 
 help:  ## list the targets
 	@sed -nE 's/^([a-z]+):[^#]*## (.*)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 16
@@ -38,6 +38,9 @@ format: .venv/.dev  ## let ruff mend what it can
 
 docs: .venv/.dev  ## build the documentation into site/
 	$(BIN)/mkdocs build --strict
+
+schemas: .venv/.base  ## write the message schemas and the AsyncAPI document into docs/protocol
+	$(BIN)/python tools/message_schemas.py docs/protocol
 
 bench: .venv/.dev  ## run all benchmarks, or one: BENCH=benchmarks/lockstep.py ARGS="..."
 	@set -e; for script in $(BENCH); do echo "== $$script"; $(BIN)/python $$script $(ARGS); done

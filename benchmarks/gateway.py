@@ -28,7 +28,7 @@ import numpy as np
 import psutil
 
 from zengrid.journal import Journal
-from zengrid.testing import Market, free_port
+from zengrid.testing import RunningMarket, free_port
 
 POSITION = re.compile(rb"^id: (\d+)$", re.MULTILINE)
 
@@ -37,7 +37,7 @@ class Bench:
     """A market at full speed with its gateway."""
 
     def __init__(self, stack: ExitStack) -> None:
-        self.market = stack.enter_context(Market("paper"))
+        self.market = stack.enter_context(RunningMarket("paper"))
         self.market.start_agents("p1", "p2", "p3")
         self.market.wait_for_slots(100)
         self.port = free_port()

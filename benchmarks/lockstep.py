@@ -34,13 +34,13 @@ from typing import Any
 import psutil
 import yaml
 
-from zengrid.bus.client import Client
-from zengrid.bus.session import HANDOVER, RUNTIME
+from zengrid.bus.market_client import MarketClient
+from zengrid.bus.zenoh_session import HANDOVER, RUNTIME
 from zengrid.errors import BusError
 from zengrid.journal import Journal
 from zengrid.scenario import load
 from zengrid.testing import free_endpoint
-from zengrid.wire.requests import Status
+from zengrid.wire.queries import Status
 
 Row = dict[str, float]
 WARM_SLOTS = 50
@@ -72,7 +72,7 @@ def zengrid(homes: int, seconds: float, certs: Path | None = None) -> Row:
         began = time.time()
         market = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
         try:
-            with Client("main", endpoint, certs=certs, timeout_s=30) as client:
+            with MarketClient("main", endpoint, certs=certs, timeout_s=30) as client:
                 warm = warmed_up(client)
                 client.session.close()
             processes = [psutil.Process(market.pid), *psutil.Process(market.pid).children(recursive=True)]
@@ -80,7 +80,7 @@ def zengrid(homes: int, seconds: float, certs: Path | None = None) -> Row:
             time.sleep(seconds)
             used_s += cpu_s(processes)
             measured_s = time.monotonic() - begin
-            with Client("main", endpoint, certs=certs, timeout_s=30) as client:
+            with MarketClient("main", endpoint, certs=certs, timeout_s=30) as client:
                 status = client.control("status", homes=False)
                 client.control("stop")
             _, said = market.communicate(timeout=30)
@@ -110,7 +110,7 @@ def zengrid(homes: int, seconds: float, certs: Path | None = None) -> Row:
         }
 
 
-def warmed_up(client: Client) -> Status:
+def warmed_up(client: MarketClient) -> Status:
     """How a market stands that has settled some slots; a clock that has just begun to listen may not answer yet."""
     until = time.monotonic() + 60
     while time.monotonic() < until:

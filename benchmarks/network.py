@@ -2,8 +2,9 @@
 
     sudo python benchmarks/network.py
 
-The other machine is a network namespace at the end of a cable with latency and loss (``tests/support/hosts.py``; no
-``tc netem`` needed). All four agents of the paper's market are there, with certificates; clock and journal are here.
+The other machine is a network namespace at the end of a cable with latency and loss, without ``tc netem``
+(``tests/support/network_hosts.py``). All four agents of the paper's market are there, with certificates; clock and
+journal are here.
 Last, the cable is cut for a while.
 """
 
@@ -23,10 +24,10 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
-from support.certs import make_certs
-from support.hosts import Hosts, why_not
-from zengrid.testing import Market, free_port
-from zengrid.wire.requests import Status
+from support.certificate_folders import make_certs
+from support.network_hosts import Hosts, why_not
+from zengrid.testing import RunningMarket, free_port
+from zengrid.wire.queries import Status
 
 CABLES = ((0, 0), (1, 0), (5, 0), (20, 0), (50, 0), (100, 0), (20, 1), (20, 5), (100, 1))
 """Round trip [ms] and loss each way [%]."""
@@ -36,7 +37,7 @@ CUT_S = 10.0
 Row = dict[str, Any]
 
 
-def status(market: Market) -> tuple[float, Status]:
+def status(market: RunningMarket) -> tuple[float, Status]:
     """How the market stands, and when."""
     return time.monotonic(), market.client.control("status", homes=False)
 
@@ -52,12 +53,12 @@ def between(before: tuple[float, Status], after: tuple[float, Status]) -> Row:
     }
 
 
-def everyone(market: Market) -> None:
+def everyone(market: RunningMarket) -> None:
     """Wait for a slot in which all agents acted."""
     market.wait_for_slot(lambda slot: set(AGENTS) <= set(slot.acted), 60, "a slot of everyone")
 
 
-def one_round(hosts: Hosts, market: Market, seconds: float) -> list[Row]:
+def one_round(hosts: Hosts, market: RunningMarket, seconds: float) -> list[Row]:
     """All cables in turn, then the cut."""
     rows: list[Row] = []
     for round_trip_ms, loss_percent in CABLES:
@@ -110,7 +111,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name, Hosts("there") as hosts:
         with contextlib.redirect_stdout(sys.stderr):
             certs = make_certs(Path(name) / "certs", "--host", hosts.here)
-        market = Market("paper", ("--deadline", str(chosen.deadline), "--wait", "60"), certs=certs)
+        market = RunningMarket("paper", ("--deadline", str(chosen.deadline), "--wait", "60"), certs=certs)
         market.endpoint = f"tls/{hosts.here}:{free_port()}"
         with market:
             for agent in AGENTS:

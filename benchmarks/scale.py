@@ -24,7 +24,7 @@ import numpy as np
 import psutil
 import yaml
 
-from zengrid.bus.client import Client
+from zengrid.bus.market_client import MarketClient
 from zengrid.journal import Journal
 from zengrid.testing import free_endpoint
 
@@ -61,7 +61,7 @@ def measure(scenario: str, folder: Path, seconds: float) -> dict[str, float]:
     with (folder / "up.txt").open("w+") as output:
         up = psutil.Popen([sys.executable, "-m", "zengrid_cli", *words], stdout=output, stderr=output)
         try:
-            with Client("main", endpoint, timeout_s=60) as client:
+            with MarketClient("main", endpoint, timeout_s=60) as client:
                 while (first := client.control("status", homes=False)).totals.slots < WARM_SLOTS:
                     time.sleep(0.05)
                 processes = [up, *up.children(recursive=True)]

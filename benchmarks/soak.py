@@ -32,7 +32,7 @@ from urllib.request import urlopen
 
 import psutil
 
-from zengrid.bus.client import Client
+from zengrid.bus.market_client import MarketClient
 from zengrid.errors import ZengridError
 from zengrid.journal import Journal
 from zengrid.journal.audit import audit
@@ -40,7 +40,7 @@ from zengrid.scenario import HomeSpec
 from zengrid.testing import free_endpoint
 from zengrid.wire.codec import decode
 from zengrid.wire.slots import PublicSlot
-from zengrid.wire.spawner import SpawnRequest, StopRequest
+from zengrid.wire.spawner_queries import SpawnRequest, StopRequest
 
 RECOVERY_S = 60.0
 """A fault from which the market has not recovered by then counts as a failure."""
@@ -210,7 +210,7 @@ class Soak:
             self.kills[title].append(time.monotonic())
             process.kill()
 
-    def inflict(self, kind: str, target: str, client: Client) -> Fault:
+    def inflict(self, kind: str, target: str, client: MarketClient) -> Fault:
         """Do it, and wait until whoever was hit takes part again."""
         mark = len(self.heard)
         at = time.monotonic()
@@ -257,13 +257,13 @@ class Soak:
         pause_s = max(after - before for before, after in pairwise(times))
         return Fault(kind, target, at, now - since if recovered else None, pause_s)
 
-    def add(self, home: str, client: Client) -> bool:
+    def add(self, home: str, client: MarketClient) -> bool:
         """Have a spawner start a home, and see it act."""
         body = {"id": home, "pv_kw": 4.0, "battery": {"capacity_kwh": 8.0}}
         self.ask(client, lambda name: client.spawn(name, SpawnRequest(home=HomeSpec.model_validate(body))))
         return self.wait(lambda slot: home in slot.acted, time.monotonic())
 
-    def ask(self, client: Client, question: Callable[[str], Any]) -> None:
+    def ask(self, client: MarketClient, question: Callable[[str], Any]) -> None:
         """Ask the spawner, again where it or the clock was just being started again."""
         until = time.monotonic() + RECOVERY_S
         while True:
@@ -276,7 +276,7 @@ class Soak:
                     return
                 time.sleep(0.1)
 
-    def spawner_back(self, client: Client) -> bool:
+    def spawner_back(self, client: MarketClient) -> bool:
         """Wait until a spawner answers."""
         until = time.monotonic() + RECOVERY_S
         while time.monotonic() < until:
@@ -300,7 +300,7 @@ class Soak:
 
     def run(self) -> None:
         """Faults until the time is up, then the end of the market."""
-        with Client("main", self.endpoint, timeout_s=30.0) as client:
+        with MarketClient("main", self.endpoint, timeout_s=30.0) as client:
             following = client.follow(self.on_slot)
             if not self.wait(lambda slot: {"grid", *SCENARIO_AGENTS} <= slot.acted, 0.0) or not self.spawner_back(
                 client

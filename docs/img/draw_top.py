@@ -17,13 +17,13 @@ from pathlib import Path
 from rich.console import Console
 from rich.text import Text
 
-from zengrid.testing import Market
+from zengrid.testing import RunningMarket
 
 PRICES = "tou:0.05,18:00=0.09,19:00=0.10,22:00=0.08,23:00=0.05"
 EVENING = 6 * 24 + 20
 WIDTH = 92
 
-with Market("paper", ("--paused",), run="main") as market:
+with RunningMarket("paper", ("--paused",), run="main") as market:
     market.start_agents("p1", "p2", "p3", policy="optimum", grid_policy=PRICES)
     market.wait_for_status(lambda status: status.state == "paused", missing="the market ready")
     market.client.control("step", slots=EVENING)

@@ -11,7 +11,7 @@ import numpy as np
 from zengrid.errors import PolicyError
 from zengrid.policy.facts import MarketFacts
 from zengrid.policy.views import GridPolicy, ProsumerPolicy
-from zengrid.wire.requests import PolicyReply, PolicyRequest
+from zengrid.wire.queries import PolicyReply, PolicyRequest
 
 
 def policy_reply(

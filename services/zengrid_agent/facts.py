@@ -8,7 +8,7 @@ import numpy as np
 
 from zengrid.core.params import Homes
 from zengrid.policy.facts import MarketFacts
-from zengrid.wire.requests import HomeLimits, JoinReply
+from zengrid.wire.queries import HomeLimits, JoinReply
 
 _FIELDS = (
     "capacity_kwh", "charge_max_kw", "discharge_max_kw", "soc_min", "soc_max", "charge_efficiency",

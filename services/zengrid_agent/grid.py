@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from zengrid.bus.agent import AgentLink
+from zengrid.bus.agent_link import AgentLink
 from zengrid.core.observe import grid_features
 from zengrid.policy import trained
 from zengrid.policy.facts import MarketFacts
 from zengrid.policy.network import GridNetwork
 from zengrid.policy.registry import make_grid_policy
 from zengrid.policy.views import GridView
-from zengrid.wire.requests import JoinReply, JoinRequest, PolicyReply, PolicyRequest
+from zengrid.wire.queries import JoinReply, JoinRequest, PolicyReply, PolicyRequest
 from zengrid.wire.slot_structs import GridObservationStruct
 from zengrid_agent.answers import policy_reply, slot_of
 from zengrid_agent.facts import market_facts

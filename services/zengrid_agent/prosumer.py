@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from zengrid.bus.agent import AgentLink
-from zengrid.bus.names import machine_name
+from zengrid.bus.agent_link import AgentLink
+from zengrid.bus.machine_name import machine_name
 from zengrid.core.observe import prosumer_features
 from zengrid.errors import PolicyError, ScenarioError
 from zengrid.policy import trained
@@ -20,7 +20,7 @@ from zengrid.policy.registry import make_prosumer_policy
 from zengrid.policy.views import ProsumerPolicy, ProsumerView
 from zengrid.scenario.home import HomeSpec
 from zengrid.validation import first_error
-from zengrid.wire.requests import JoinReply, JoinRequest, PolicyReply, PolicyRequest
+from zengrid.wire.queries import JoinReply, JoinRequest, PolicyReply, PolicyRequest
 from zengrid.wire.slot_structs import FleetObservationStruct
 from zengrid_agent.answers import policy_reply, slot_of
 from zengrid_agent.facts import market_facts

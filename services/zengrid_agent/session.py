@@ -13,10 +13,10 @@ from types import FrameType
 from typing import Any, Generic, TypeVar
 
 from zengrid import logs
-from zengrid.bus.agent import AgentLink, Arrival
+from zengrid.bus.agent_link import AgentLink, ReceivedObservation
 from zengrid.errors import ZengridError
 from zengrid.wire.codec import encode_fields, read, read_checked
-from zengrid.wire.requests import JoinReply, JoinRequest, PolicyReply, PolicyRequest
+from zengrid.wire.queries import JoinReply, JoinRequest, PolicyReply, PolicyRequest
 from zengrid.wire.slot_structs import FleetObservationStruct, GridObservationStruct
 from zengrid_agent.learning import Learning
 
@@ -132,7 +132,7 @@ class AgentSession(ABC, Generic[Seen]):
         at = {} if self._last is None else {"day": self._last.day, "slot": self._last.slot}
         logs.say(text, level, agent=self.request.agent, **at)
 
-    def _answer_at_once(self, arrival: Arrival) -> None:
+    def _answer_at_once(self, arrival: ReceivedObservation) -> None:
         """Answer an observation on Zenoh's own thread, while the main thread waits for the end."""
         if self._over.is_set():
             return
@@ -165,7 +165,7 @@ class AgentSession(ABC, Generic[Seen]):
             raise Stop
         return goes_on
 
-    def _answer(self, arrival: Arrival) -> bool:
+    def _answer(self, arrival: ReceivedObservation) -> bool:
         """Act on an observation; False where it says that the market is over."""
         self._last = seen = read(self.observation, arrival.payload, arrival.encoding)
         if seen.phase == "end":

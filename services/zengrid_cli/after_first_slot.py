@@ -7,7 +7,7 @@ import runpy
 import sys
 import threading
 
-from zengrid.bus.client import Client
+from zengrid.bus.market_client import MarketClient
 from zengrid.bus.options import add_bus_options
 from zengrid.errors import BusError
 
@@ -20,7 +20,7 @@ def wait(bus: argparse.Namespace) -> None:
     settled = threading.Event()
     while True:
         try:
-            with Client(bus.run, bus.connect, certs=bus.certs, timeout_s=30.0) as client:
+            with MarketClient(bus.run, bus.connect, certs=bus.certs, timeout_s=30.0) as client:
                 client.follow(lambda payload: settled.set())
                 while not settled.wait(LOOK_S):
                     if client.control("status", homes=False).state in ("paused", "ended"):

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from zengrid.bus.access import Names, write_router
+from zengrid.bus.access_list import AccessList, write_router
 from zengrid.bus.credentials import AUTHORITY, CLOCK, GATEWAY, OPERATOR, ROUTER, SPAWNER
 from zengrid.bus.keys import DEFAULT_RUN
 from zengrid.errors import SecurityError
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 GRID = "grid"
 RESERVED = (AUTHORITY, CLOCK, ROUTER, GATEWAY, OPERATOR)
-"""Names of roles, which no agent and no spawner may have."""
+"""AccessList of roles, which no agent and no spawner may have."""
 SOON_DAYS = 30
 _ID = re.compile(r"[a-z0-9][a-z0-9_-]{0,62}")
 
@@ -34,7 +34,7 @@ def parse_days(text: str) -> int:
 
 
 def parse_ids(text: str) -> list[str]:
-    """Names with commas between them."""
+    """AccessList with commas between them."""
     ids = text.split(",")
     for name in ids:
         if not _ID.fullmatch(name):
@@ -108,7 +108,7 @@ def main(arguments: Sequence[str]) -> int:
         raise SecurityError(f"{folder}: {error.strerror}") from None
     begun = (folder / f"{AUTHORITY}.pem").exists()
     authority = Authority(folder) if begun else Authority.make(folder, "zengrid")
-    names = Names.load(folder) if begun and (folder / "access.json").exists() else Names()
+    names = AccessList.load(folder) if begun and (folder / "access.json").exists() else AccessList()
     _add(names, options)
     _revoke(names, options.revoke)
     print(
@@ -128,7 +128,7 @@ def main(arguments: Sequence[str]) -> int:
     return 0
 
 
-def _add(names: Names, options: argparse.Namespace) -> None:
+def _add(names: AccessList, options: argparse.Namespace) -> None:
     """Put all that are asked for on the access list."""
     wanted = [GRID, *options.ids]
     if options.scenario is not None:
@@ -140,7 +140,7 @@ def _add(names: Names, options: argparse.Namespace) -> None:
     _extend(names, names.spawners, options.spawner, but=names.agents)
 
 
-def _extend(names: Names, listed: list[str], wanted: Iterable[str], but: list[str]) -> None:
+def _extend(names: AccessList, listed: list[str], wanted: Iterable[str], but: list[str]) -> None:
     for name in wanted:
         if name in names.revoked:
             raise SecurityError(
@@ -162,7 +162,7 @@ def _spare(taken: set[str], count: int) -> Iterator[str]:
             yield f"p{number}"
 
 
-def _revoke(names: Names, ids: Sequence[str]) -> None:
+def _revoke(names: AccessList, ids: Sequence[str]) -> None:
     for name in ids:
         listed = next((one for one in (names.agents, names.spawners) if name in one), None)
         if listed is None:
@@ -173,7 +173,7 @@ def _revoke(names: Names, ids: Sequence[str]) -> None:
         names.revoked.append(name)
 
 
-def _provide(authority: Authority, name: str, options: argparse.Namespace, names: Names) -> str | None:
+def _provide(authority: Authority, name: str, options: argparse.Namespace, names: AccessList) -> str | None:
     """Make a certificate where one is needed; tells what was done, or is to be done."""
     from zengrid.bus.certificates import LOCAL_HOSTS, days_left, hosts_of, read_certificate
 

@@ -35,10 +35,10 @@ def parser() -> argparse.ArgumentParser:
 def main(arguments: Sequence[str]) -> int:
     """Ask the clock, and say how the market stands then."""
     options = parser().parse_args(arguments)
-    from zengrid.bus.client import Client
+    from zengrid.bus.market_client import MarketClient
     from zengrid_cli.figures import pace, progress
 
-    with Client(options.run, options.connect, certs=options.certs, timeout_s=TIMEOUT_S) as client:
+    with MarketClient(options.run, options.connect, certs=options.certs, timeout_s=TIMEOUT_S) as client:
         status = client.control(
             options.command, slots=getattr(options, "slots", 1), speed=getattr(options, "speed", None), homes=False
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from zengrid.wire.requests import Status
+from zengrid.wire.queries import Status
 
 NEXT_TO_NOTHING = 0.005
 """A sum below it has no percentage."""

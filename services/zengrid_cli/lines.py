@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from zengrid.wire.requests import Status
+from zengrid.wire.queries import Status
 from zengrid_cli.figures import change, pace, progress
 
 

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from zengrid.wire.requests import AgentStatus, HomesStatus, Status
+from zengrid.wire.queries import AgentStatus, HomesStatus, Status
 
 Presence = Literal["present", "absent", "away"]
 

@@ -10,7 +10,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from zengrid.wire.requests import AgentStatus, HomesStatus, Status
+from zengrid.wire.queries import AgentStatus, HomesStatus, Status
 from zengrid_cli.figures import NEXT_TO_NOTHING, amount, change, pace, progress
 from zengrid_cli.rows import Row, rows
 

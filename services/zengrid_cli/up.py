@@ -22,7 +22,7 @@ from zengrid_cli.plan import CLOCK, GATEWAY, SPAWNER, TABLE, Plan
 if TYPE_CHECKING:
     from zengrid.scenario import Scenario
 
-SHARED = ("zengrid.bus.agent", "zengrid.policy.registry", "zengrid.policy.trained", "safetensors")
+SHARED = ("zengrid.bus.agent_link", "zengrid.policy.registry", "zengrid.policy.trained", "safetensors")
 """Loaded before anything is forked."""
 OF_AGENTS = ("zengrid_agent.grid", "zengrid_agent.prosumer")
 """Loaded while the clock gets ready; by name, since services do not know each other."""
@@ -123,10 +123,10 @@ class Local:
         for module in SHARED:
             import_module(module)
         from zengrid.scenario import load
-        from zengrid.wire import requests, slots
+        from zengrid.wire import queries, slots
 
         for message in (
-            requests.JoinRequest, requests.JoinReply, slots.GridObservation, slots.GridAction, slots.FleetObservation,
+            queries.JoinRequest, queries.JoinReply, slots.GridObservation, slots.GridAction, slots.FleetObservation,
             slots.FleetAction,
         ):  # fmt: skip
             message.model_rebuild()

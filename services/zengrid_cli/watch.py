@@ -6,9 +6,9 @@ import time
 from pathlib import Path
 from typing import Self
 
-from zengrid.bus.client import Client
+from zengrid.bus.market_client import MarketClient
 from zengrid.errors import ZengridError
-from zengrid.wire.requests import HomesStatus, Status
+from zengrid.wire.queries import HomesStatus, Status
 
 MANY_HOMES = 200
 SLOWLY_S = 2.0
@@ -26,7 +26,7 @@ class Watch:
         self.homes: HomesStatus | None = None
         self.error: ZengridError | None = None
         """Why the last question was not answered; None if it was"""
-        self._client: Client | None = None
+        self._client: MarketClient | None = None
         self._answered = time.monotonic()
         self._homes_at = 0.0
 
@@ -44,7 +44,7 @@ class Watch:
         homes = not many or now >= self._homes_at + SLOWLY_S
         try:
             if self._client is None:
-                self._client = Client(self.run, self.endpoint, certs=self.certs, timeout_s=timeout_s)
+                self._client = MarketClient(self.run, self.endpoint, certs=self.certs, timeout_s=timeout_s)
             self.status = self._client.control("status", homes=homes)
         except ZengridError as error:
             self.error = error

@@ -21,7 +21,7 @@ def parser() -> argparse.ArgumentParser:
     """The command line of the clock."""
     from zengrid.bus.keys import DEFAULT_RUN
     from zengrid.bus.options import add_certs_option
-    from zengrid.bus.session import DEFAULT_ENDPOINT
+    from zengrid.bus.zenoh_session import DEFAULT_ENDPOINT
 
     it = argparse.ArgumentParser(
         prog="zengrid clock", description="Own the environment of a market: time, settlement, journal."
@@ -131,7 +131,7 @@ def parse_days(text: str) -> int:
 def open_clock(options: argparse.Namespace, stack: ExitStack) -> Clock:
     """Put a clock together; what it holds open is closed with the stack."""
     from zengrid import __version__
-    from zengrid.bus.hub import Hub
+    from zengrid.bus.clock_link import ClockLink
     from zengrid.journal import Journal
     from zengrid.scenario import load
     from zengrid_clock.clock import Clock, ClockSettings
@@ -147,7 +147,7 @@ def open_clock(options: argparse.Namespace, stack: ExitStack) -> Clock:
         journal_wait_s=options.journal_wait,
     )
     # The hub first: agents that start at the same time can connect while the rest is made ready.
-    hub = stack.enter_context(Hub(options.run, options.listen, certs=options.certs, insecure=options.insecure))
+    hub = stack.enter_context(ClockLink(options.run, options.listen, certs=options.certs, insecure=options.insecure))
     scenario = load(options.scenario, data=options.data, seed=options.seed).with_(soc_reset=options.soc_reset)
     days = scenario.days()
     journal = stack.enter_context(Journal.open(options.journal, durability=options.durability))

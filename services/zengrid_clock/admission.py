@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from zengrid.wire.requests import HomeLimits, JoinReply, JoinRequest, LeaveRequest, RefusalReason
+from zengrid.wire.queries import HomeLimits, JoinReply, JoinRequest, LeaveRequest, RefusalReason
 from zengrid_clock.agent_registry import GRID, RESERVED, AgentRegistry, MarketAgent
 from zengrid_clock.unclaimed import choose_unclaimed
 
@@ -124,7 +124,9 @@ class Admission:
 
     def _choose_unclaimed(self, request: JoinRequest) -> JoinRequest:
         if self._limits.certified:
-            raise RequestRefused("invalid", "unclaimed = true: with certificates a process plays the agent its own names")
+            raise RequestRefused(
+                "invalid", "unclaimed = true: with certificates a process plays the agent its own names"
+            )
         agents = [*self._registry.prosumers.values(), *self._registry.joining.values()]
         return choose_unclaimed(request, agents, self._market.homes)
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zengrid import logs
-from zengrid.bus.hub import Event, Hub
+from zengrid.bus.clock_link import BusEvent, ClockLink
 from zengrid.core.state import Action, Exogenous
 from zengrid.errors import JournalError
 from zengrid.journal import Totals
@@ -90,7 +90,7 @@ class BatteryPhase(NamedTuple):
 class Clock:
     """Runs the market over a hub and a journal until its last day, a stop request, or a signal."""
 
-    def __init__(self, scenario: Scenario, days: Days, hub: Hub, run: Run, settings: ClockSettings) -> None:
+    def __init__(self, scenario: Scenario, days: Days, hub: ClockLink, run: Run, settings: ClockSettings) -> None:
         self.scenario = scenario
         self.settings = settings
         self.run = run
@@ -112,7 +112,7 @@ class Clock:
         self._commands = OperatorCommands(self.pace, self._between_slots, self._encode_status)
         limits = AdmissionLimits(settings.max_homes, hub.agents)
         self._admission = Admission(
-            self.market, self.registry, self.rosters, self._between_slots, limits, self.event_log, hub.forget
+            self.market, self.registry, self.rosters, self._between_slots, limits, self.event_log, hub.release_agent
         )
         self._join_replies = JoinReplies(hub.keys.run, scenario, settings.deadline_s)
         self._requests = RequestHandler(
@@ -141,8 +141,8 @@ class Clock:
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: self.pace.end())
         name = self.hub.keys.run
-        self.hub.serve_beside(self.hub.keys.history, lambda payload: history_reply(payload, self.run, name))
-        self.hub.serve_beside(
+        self.hub.serve_in_thread(self.hub.keys.history, lambda payload: history_reply(payload, self.run, name))
+        self.hub.serve_in_thread(
             self.hub.keys.scenario, lambda payload: scenario_reply(payload, self.scenario.dump(), name)
         )
         self.hub.announce()
@@ -363,7 +363,7 @@ class Clock:
         return True
 
     @contextmanager
-    def _guarded(self, event: Event | None = None) -> Iterator[None]:
+    def _guarded(self, event: BusEvent | None = None) -> Iterator[None]:
         """Survive any failure to handle an event: count it as ``internal``, log its cause, and drop the event."""
         try:
             yield
@@ -376,7 +376,7 @@ class Clock:
             if event is not None:
                 self._requests.refuse_failed(event, error)
 
-    def _handle(self, event: Event, barrier: PhaseBarrier[Any] | None) -> None:
+    def _handle(self, event: BusEvent, barrier: PhaseBarrier[Any] | None) -> None:
         if event.kind == "action":
             self._handle_action(event, barrier)
         elif event.kind in ("alive", "gone"):
@@ -387,7 +387,7 @@ class Clock:
         else:
             self._requests.answer(event)
 
-    def _handle_action(self, event: Event, barrier: PhaseBarrier[Any] | None) -> None:
+    def _handle_action(self, event: BusEvent, barrier: PhaseBarrier[Any] | None) -> None:
         agent = self.registry.get(event.agent)
         if agent is None:
             self.refused["unknown_agent"] += 1
@@ -402,7 +402,7 @@ class Clock:
             self.event_log.log("debug", "action refused", agent=agent.id, cause=refusal.cause)
             self._notice_return(agent, refusal)
 
-    def _read_action(self, agent: MarketAgent, event: Event, phase: SlotPhase) -> tuple[SlotPhase, Any]:
+    def _read_action(self, agent: MarketAgent, event: BusEvent, phase: SlotPhase) -> tuple[SlotPhase, Any]:
         sender = event.payload, event.encoding, self.hub.keys.run, agent.instance
         if agent.role == "grid":
             return read_price(*sender, phase, self.scenario.buy_prices)
@@ -418,7 +418,7 @@ class Clock:
         if phase == refusal.phase and time.monotonic() - sent_at <= self.pace.deadline_s:
             agent.misses = 0
 
-    def _handle_presence(self, event: Event, barrier: PhaseBarrier[Any] | None) -> None:
+    def _handle_presence(self, event: BusEvent, barrier: PhaseBarrier[Any] | None) -> None:
         agent = self.registry.get(event.agent)
         if agent is None:
             return

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from zengrid.wire.requests import Histogram, Latency
+from zengrid.wire.queries import Histogram, Latency
 
 WINDOW = 1024
 BOUNDS_MS = (0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 25.0, 50.0, 100.0, 250.0, 500.0, 1000.0, 2500.0)

@@ -12,8 +12,8 @@ from zengrid_clock.admission import RequestRefused
 from zengrid_clock.between_slots import CHANGES_LIMIT
 
 if TYPE_CHECKING:
-    from zengrid.bus.hub import Query
-    from zengrid.wire.requests import ControlRequest
+    from zengrid.bus.pending_query import PendingQuery
+    from zengrid.wire.queries import ControlRequest
     from zengrid_clock.between_slots import BetweenSlots
     from zengrid_clock.pace import Pace
 
@@ -24,7 +24,7 @@ EFFECT_S = 3.0
 class PendingCommand(NamedTuple):
     """A command that takes effect at the end of the slot, and the operator who waits for it."""
 
-    query: Query
+    query: PendingQuery
     with_homes: bool
     """Whether the answer lists the homes."""
     answer_by: float
@@ -46,7 +46,7 @@ class OperatorCommands:
         self._status = status
         self._pending: list[PendingCommand] = []
 
-    def run(self, request: ControlRequest, query: Query) -> bytes | None:
+    def run(self, request: ControlRequest, query: PendingQuery) -> bytes | None:
         """Run a command; return the answer, or None if it is answered when it takes effect."""
         if request.command == "speed" and request.speed is None:
             raise WireError("speed: needs a number: times faster than real time, 0 for as fast as answers come")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from zengrid.wire.codec import decode, encode
-from zengrid.wire.requests import HistoryReply, HistoryRequest, ScenarioReply, ScenarioRequest
+from zengrid.wire.queries import HistoryReply, HistoryRequest, ScenarioReply, ScenarioRequest
 from zengrid_clock.slot_records import settled_slot
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from zengrid.errors import JournalError, ZengridError
 from zengrid.rate_limit import RateLimit
 from zengrid.wire.codec import decode, encode
-from zengrid.wire.requests import (
+from zengrid.wire.queries import (
     ControlRequest,
     JoinReply,
     JoinRequest,
@@ -21,7 +21,7 @@ from zengrid.wire.requests import (
 from zengrid_clock.admission import RequestRefused
 
 if TYPE_CHECKING:
-    from zengrid.bus.hub import Event
+    from zengrid.bus.clock_link import BusEvent
     from zengrid_clock.admission import Admission
     from zengrid_clock.agent_registry import MarketAgent
     from zengrid_clock.event_log import EventLog
@@ -67,7 +67,7 @@ class RequestHandler:
         self._event_log = event_log
         self._rate = RateLimit(JOINS_PER_S, JOINS_BURST_S)
 
-    def answer(self, event: Event) -> None:
+    def answer(self, event: BusEvent) -> None:
         """Answer one request, whatever is wrong with it."""
         assert event.query is not None
         try:
@@ -81,18 +81,18 @@ class RequestHandler:
         except ZengridError as error:
             self._refuse(event, "invalid", str(error))
 
-    def refuse_failed(self, event: Event, error: Exception) -> None:
+    def refuse_failed(self, event: BusEvent, error: Exception) -> None:
         """Tell the sender that the clock failed to answer."""
         if event.query is not None and not event.query.is_closed:
             self._refuse(event, "unavailable", f"the clock could not answer: {type(error).__name__}")
 
-    def _refuse(self, event: Event, reason: RefusalReason, message: str) -> None:
+    def _refuse(self, event: BusEvent, reason: RefusalReason, message: str) -> None:
         assert event.query is not None
         self._refused[f"{event.kind}_{reason}"] += 1
         self._event_log.log("info", f"{event.kind} refused", agent=event.agent, reason=reason, why=message)
         event.query.refuse(reason, message)
 
-    def _answer(self, event: Event) -> bytes | None:
+    def _answer(self, event: BusEvent) -> bytes | None:
         """The answer, or None if it has to wait."""
         assert event.query is not None
         if event.kind == "control":
@@ -105,7 +105,7 @@ class RequestHandler:
             )
         return self._join(event) if event.kind == "join" else self._leave(event)
 
-    def _join(self, event: Event) -> bytes:
+    def _join(self, event: BusEvent) -> bytes:
         request = decode(JoinRequest, event.payload)
         _check_sender(event, request.agent)
         if self._is_ended():
@@ -113,7 +113,7 @@ class RequestHandler:
         agent = self._admission.join(request)
         return encode(self._join_reply(agent))
 
-    def _leave(self, event: Event) -> bytes:
+    def _leave(self, event: BusEvent) -> bytes:
         request = decode(LeaveRequest, event.payload)
         _check_sender(event, request.agent)
         self._admission.leave(request)
@@ -121,7 +121,7 @@ class RequestHandler:
         return encode(LeaveReply(day=day, slot=slot))
 
 
-def _check_sender(event: Event, agent: str) -> None:
+def _check_sender(event: BusEvent, agent: str) -> None:
     """Refuse a message that names another agent than its key, which certificates protect."""
     if event.agent != agent:
         raise RequestRefused("not_yours", f"agent = {agent}: asked for under the key of {event.agent}")

@@ -10,7 +10,7 @@ from zengrid.errors import WireError
 from zengrid_clock.agent_registry import MarketAgent
 
 if TYPE_CHECKING:
-    from zengrid.wire.requests import JoinRequest
+    from zengrid.wire.queries import JoinRequest
 
 READY_S = 10.0
 """A process that has joined keeps its agent for this long before its liveliness token must appear. [s]"""
@@ -36,7 +36,7 @@ def choose_unclaimed(request: JoinRequest, agents: list[MarketAgent], homes: Ite
     """
     own_homes = request.homes or ()
     if len(own_homes) > 1:
-        raise WireError(f"homes = {len(own_homes)} homes: one at most can be brought by a process that plays any unclaimed agent")
+        raise WireError(f"homes = {len(own_homes)} homes: one at most when an unclaimed agent is asked for")
     for agent in agents:
         if agent.instance == request.instance:  # It asks again because it missed the reply.
             return _as(request, agent)

@@ -13,10 +13,10 @@ from fastapi import Depends
 from numpy.typing import NDArray
 from starlette.requests import HTTPConnection
 
-from zengrid.bus.client import Client
+from zengrid.bus.market_client import MarketClient
 from zengrid.errors import JournalError, JournalUnavailableError
 from zengrid.journal import Block, Journal, RunInfo, RunView
-from zengrid.wire.requests import Status
+from zengrid.wire.queries import Status
 from zengrid.wire.slots import HomeColumns, SettledSlot
 from zengrid_gateway.link import MarketLink
 from zengrid_gateway.problems import Problem
@@ -101,7 +101,7 @@ class ClockPast:
 
     longest = 10_000
 
-    def __init__(self, client: Client, status: Status, settled: int) -> None:
+    def __init__(self, client: MarketClient, status: Status, settled: int) -> None:
         self.name, self.dt_h = status.run, status.dt_h
         self._client = client
         self._settled = settled

@@ -8,7 +8,7 @@ from fastapi import APIRouter, Response
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from zengrid.wire.codec import JSON, encode
-from zengrid.wire.requests import Status
+from zengrid.wire.queries import Status
 from zengrid_gateway.access import OPERATE
 from zengrid_gateway.bodies import BodyRoute
 from zengrid_gateway.link import Command, Link

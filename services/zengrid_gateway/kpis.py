@@ -7,7 +7,7 @@ from collections import defaultdict
 import numpy as np
 from pydantic import BaseModel, Field
 
-from zengrid.wire.requests import Status
+from zengrid.wire.queries import Status
 from zengrid_gateway.archive import Past
 
 

@@ -13,10 +13,10 @@ from fastapi import Depends
 from starlette.requests import HTTPConnection
 
 from zengrid import logs
-from zengrid.bus.client import Client
 from zengrid.bus.credentials import GATEWAY
+from zengrid.bus.market_client import MarketClient
 from zengrid.errors import BusError, SecurityError, ZengridError
-from zengrid.wire.requests import Status
+from zengrid.wire.queries import Status
 from zengrid_gateway.feed import Feed
 from zengrid_gateway.problems import Problem
 
@@ -54,7 +54,7 @@ class MarketLink:
         self._homes_lock = asyncio.Lock()
         self._loop = asyncio.get_running_loop()
         self._look = asyncio.Event()
-        self._client: Client | None = None
+        self._client: MarketClient | None = None
         self._threads = ThreadPoolExecutor(QUESTIONS, "clock")
         self._agent_threads = ThreadPoolExecutor(QUESTIONS, "agents")
 
@@ -73,7 +73,7 @@ class MarketLink:
 
     # ---------------------------------------------------------------- asking
 
-    def check(self) -> Client:
+    def check(self) -> MarketClient:
         """The session with the market.
 
         Raises
@@ -87,12 +87,12 @@ class MarketLink:
             raise Problem("market-away", f"run {self.run}: no clock at {self.endpoint}; the gateway waits for it")
         return self._client
 
-    async def ask(self, question: Callable[[Client], T]) -> T:
+    async def ask(self, question: Callable[[MarketClient], T]) -> T:
         """Ask the clock something, in a thread of its own."""
         client = self.check()
         return await self._loop.run_in_executor(self._threads, lambda: question(client))
 
-    async def ask_agent(self, question: Callable[[Client], T]) -> T:
+    async def ask_agent(self, question: Callable[[MarketClient], T]) -> T:
         """Ask an agent or a spawner. Both may hang, so questions to the clock have other threads."""
         client = self.check()
         return await self._loop.run_in_executor(self._agent_threads, lambda: question(client))
@@ -120,7 +120,9 @@ class MarketLink:
                 await asyncio.sleep(ATTEMPT_S / 4)
 
     def _open_client(self) -> None:
-        self._client = client = Client(self.run, self.endpoint, certs=self.certs, name=GATEWAY, timeout_s=ATTEMPT_S)
+        self._client = client = MarketClient(
+            self.run, self.endpoint, certs=self.certs, name=GATEWAY, timeout_s=ATTEMPT_S
+        )
         client.timeout_s = ANSWER_S
         self._following = client.follow(self.feed.push)
         self._presence = client.watch(self._tell)

@@ -13,7 +13,7 @@ from starlette.types import Receive, Scope, Send
 from starlette.websockets import WebSocketDisconnect
 
 from zengrid.errors import ZengridError
-from zengrid.wire.requests import HistoryReply
+from zengrid.wire.queries import HistoryReply
 from zengrid.wire.slots import PublicSlot
 from zengrid_gateway.access import Access
 from zengrid_gateway.feed import Slot

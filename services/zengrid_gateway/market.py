@@ -5,7 +5,7 @@ from __future__ import annotations
 from fastapi import APIRouter, Response
 
 from zengrid.wire.codec import JSON, encode
-from zengrid.wire.requests import Status
+from zengrid.wire.queries import Status
 from zengrid_gateway.link import Link
 from zengrid_gateway.problems import documented
 

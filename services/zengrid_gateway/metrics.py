@@ -15,7 +15,7 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Histo
 from prometheus_client.registry import Collector
 from starlette.requests import HTTPConnection
 
-from zengrid.wire.requests import Histogram, Status
+from zengrid.wire.queries import Histogram, Status
 from zengrid_gateway.frames import Frames
 from zengrid_gateway.link import MarketLink
 from zengrid_gateway.problems import documented

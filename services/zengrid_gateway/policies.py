@@ -10,10 +10,10 @@ from typing import Annotated, Any, Literal, Self
 from fastapi import APIRouter, Path
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from zengrid.bus.client import Client
+from zengrid.bus.market_client import MarketClient
 from zengrid.errors import BusError, RefusedError
 from zengrid.wire.base import AgentId
-from zengrid.wire.requests import AgentStatus, PolicyReply, PolicyRequest, Status
+from zengrid.wire.queries import AgentStatus, PolicyReply, PolicyRequest, Status
 from zengrid_gateway.archive import Archive, ArchiveOf
 from zengrid_gateway.bodies import BodyRoute
 from zengrid_gateway.invalid import FieldError
@@ -240,7 +240,7 @@ class Asker:
         actions = tuple(action for reply in replies for action in reply.actions)
         return whole.model_copy(update={"actions": actions, "q_values": q_values})
 
-    def _question(self, rows: tuple[tuple[float, ...], ...]) -> Callable[[Client], PolicyReply]:
+    def _question(self, rows: tuple[tuple[float, ...], ...]) -> Callable[[MarketClient], PolicyReply]:
         request = PolicyRequest(observations=rows, home=self._home)
         return lambda client: client.ask_policy(self._agent.id, request)
 

@@ -9,7 +9,7 @@ from fastapi import APIRouter, Path, Query
 from pydantic import BaseModel, Field
 
 from zengrid.wire.base import AgentId
-from zengrid.wire.requests import Status
+from zengrid.wire.queries import Status
 from zengrid_gateway.link import Link
 from zengrid_gateway.problems import Problem, documented
 

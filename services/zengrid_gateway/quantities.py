@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from zengrid.core.observe import ObservationKind, grid_features, prosumer_features
-from zengrid.wire.requests import Status
+from zengrid.wire.queries import Status
 from zengrid_gateway.invalid import short, shown
 
 NUMBERS = 200_000

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from zengrid.bus.keys import DEFAULT_RUN
-from zengrid.bus.session import DEFAULT_ENDPOINT
+from zengrid.bus.zenoh_session import DEFAULT_ENDPOINT
 from zengrid_gateway.access import Protect, is_loopback
 
 

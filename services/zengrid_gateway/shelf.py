@@ -14,7 +14,7 @@ from zengrid.core.levels import to_commands
 from zengrid.policy.file import PolicyFile
 from zengrid.policy.network import Network, greedy
 from zengrid.scenario import HomeSpec, homes_params
-from zengrid.wire.requests import PolicyReply
+from zengrid.wire.queries import PolicyReply
 from zengrid_gateway.archive import Archive, JournalPast
 from zengrid_gateway.link import MarketLink
 from zengrid_gateway.problems import Problem

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from zengrid.scenario import HomeSpec
 from zengrid.scenario.home import Printable
 from zengrid.wire.base import AgentId
-from zengrid.wire.spawner import ProcessStatus, SpawnerStatus, SpawnRequest, StopRequest
+from zengrid.wire.spawner_queries import ProcessStatus, SpawnerStatus, SpawnRequest, StopRequest
 from zengrid_gateway.access import OPERATE
 from zengrid_gateway.bodies import BodyRoute
 from zengrid_gateway.link import Link, MarketLink

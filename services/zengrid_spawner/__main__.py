@@ -10,7 +10,7 @@ from queue import SimpleQueue
 from zengrid import logs
 from zengrid.bus.credentials import SPAWNER
 from zengrid.bus.options import add_bus_options
-from zengrid.bus.spawner import SpawnerLink
+from zengrid.bus.spawner_link import SpawnerLink
 from zengrid.errors import ZengridError
 from zengrid.processes.log import make_folder
 from zengrid_spawner.service import Inbox, Spawner

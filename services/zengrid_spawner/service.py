@@ -15,14 +15,21 @@ import psutil
 
 from zengrid import logs
 from zengrid.bus.credentials import Credentials
-from zengrid.bus.hub import Query
-from zengrid.bus.spawner import SpawnerEvent
+from zengrid.bus.pending_query import PendingQuery
+from zengrid.bus.spawner_link import SpawnerEvent
 from zengrid.errors import SecurityError, ZengridError
 from zengrid.processes import Event, ProcessSpec, Restarts, Supervisor
 from zengrid.processes.start import spawn
 from zengrid.wire.codec import decode, encode
-from zengrid.wire.requests import RefusalReason
-from zengrid.wire.spawner import ProcessState, ProcessStatus, SpawnerStatus, SpawnRequest, StopReply, StopRequest
+from zengrid.wire.queries import RefusalReason
+from zengrid.wire.spawner_queries import (
+    ProcessState,
+    ProcessStatus,
+    SpawnerStatus,
+    SpawnRequest,
+    StopReply,
+    StopRequest,
+)
 from zengrid_spawner.settings import Settings
 
 ANSWER_S = 10.0
@@ -57,9 +64,9 @@ class Child:
     given_up: bool = False
     trouble: str = ""
     """What happened to it last, where that was no good."""
-    asked: list[Query] = field(default_factory=list)
+    asked: list[PendingQuery] = field(default_factory=list)
     """Questions to answer once it takes part."""
-    asked_to_stop: list[Query] = field(default_factory=list)
+    asked_to_stop: list[PendingQuery] = field(default_factory=list)
     answer_at: float = 0.0
 
 
@@ -148,7 +155,7 @@ class Spawner:
 
     # ---------------------------------------------------------------- questions
 
-    def _reply(self, event: SpawnerEvent, query: Query) -> None:
+    def _reply(self, event: SpawnerEvent, query: PendingQuery) -> None:
         """Do what is asked for, or say why not: a question can be anything, and ends nothing but itself."""
         try:
             if event.kind == "spawn":
@@ -165,12 +172,12 @@ class Spawner:
             logs.unexpected(f"in a request ({event.kind})", error)
             self._refuse(query, event.kind, "unavailable", f"{type(error).__name__}: {error}")
 
-    def _refuse(self, query: Query, asked: str, reason: RefusalReason, message: str) -> None:
+    def _refuse(self, query: PendingQuery, asked: str, reason: RefusalReason, message: str) -> None:
         self._refused[f"{asked}_{reason}"] += 1
         logs.note("info", f"{asked} refused", reason=reason, why=message)
         query.refuse(reason, logs.printable(message))
 
-    def _spawn(self, request: SpawnRequest, query: Query) -> None:
+    def _spawn(self, request: SpawnRequest, query: PendingQuery) -> None:
         """Start a process; the answer follows when it takes part, or has failed."""
         name = request.home.id
         known = self._children.get(self._keys.get(request.key, "")) if request.key else None
@@ -219,7 +226,7 @@ class Spawner:
                 f"memory = {memory_mb:.0f} MiB: spawner {it.name} lets its processes have {it.memory_mb:.0f} MiB",
             )
 
-    def _stop(self, request: StopRequest, query: Query) -> None:
+    def _stop(self, request: StopRequest, query: PendingQuery) -> None:
         """End a process; the answer follows when it has gone."""
         child = self._children.get(request.id)
         if child is None:

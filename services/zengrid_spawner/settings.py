@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from zengrid.bus.keys import DEFAULT_RUN
-from zengrid.bus.names import machine_name
-from zengrid.bus.session import DEFAULT_ENDPOINT
+from zengrid.bus.machine_name import machine_name
+from zengrid.bus.zenoh_session import DEFAULT_ENDPOINT
 from zengrid.errors import PolicyError
 from zengrid.policy.registry import PROSUMER_POLICIES, prosumer_policy_files
 

@@ -15,10 +15,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self, TypeVar
 
-from zengrid.bus.client import Client
+from zengrid.bus.market_client import MarketClient
 from zengrid.errors import ZengridError
 from zengrid.wire.codec import decode
-from zengrid.wire.requests import Status
+from zengrid.wire.queries import Status
 from zengrid.wire.slots import PublicSlot
 
 T = TypeVar("T")
@@ -72,7 +72,7 @@ class Process:
         return self.output.read_text(errors="replace")
 
 
-class Market:
+class RunningMarket:
     """A market of processes. Use it with ``with``; all of them are gone at the end.
 
     Parameters
@@ -105,7 +105,7 @@ class Market:
         self.journal = self.folder / "journal.db"
         try:
             self.start_clock()
-            self.client = Client(self.run, self.endpoint, certs=self.certs, timeout_s=20.0)
+            self.client = MarketClient(self.run, self.endpoint, certs=self.certs, timeout_s=20.0)
         except BaseException as error:
             self._close()
             raise AssertionError(f"the market did not start: {error}\n{self.said()}") from error

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
-from support.gateways import Gateway, running
+from support.gateway_process import Gateway, running
 
 OUTPUT = Path(__file__).parents[2] / "test-output" / "browser"
 """Where screenshots are kept."""

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from support.gateways import Gateway
+from support.gateway_process import Gateway
 
 pytestmark = [pytest.mark.browser, pytest.mark.timeout(180)]
 

@@ -19,8 +19,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from support.engines import CERTIFICATES, OFFICIAL, NoEngine, base_image, compose_commands, engine
-from support.stacks import ROOT, Stack
+from support.compose_stack import ROOT, Stack
+from support.docker_daemon import CERTIFICATES, OFFICIAL, NoEngine, base_image, compose_commands, engine
 from zengrid.journal import Journal
 from zengrid.journal.audit import audit
 from zengrid.scenario import load
@@ -49,12 +49,12 @@ INTRUDER = """
 import sys
 from pathlib import Path
 from zengrid.bus.credentials import Credentials
-from zengrid.bus.keys import Keys
-from zengrid.bus.session import open_client
+from zengrid.bus.keys import KeyExpressions
+from zengrid.bus.zenoh_session import open_client
 from zengrid.wire.codec import JSON, encode
-from zengrid.wire.requests import JoinRequest
+from zengrid.wire.queries import JoinRequest
 
-keys = Keys("main")
+keys = KeyExpressions("main")
 with open_client("tls/clock:7447", credentials=Credentials(Path("/certs"), "p1"), timeout_s=60.0) as session:
     for key in (keys.join("p1"), keys.join("p2")):
         request = JoinRequest(agent="p2", role="prosumer", instance="0123456789abcdef")

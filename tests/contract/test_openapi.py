@@ -10,7 +10,7 @@ import schemathesis
 from hypothesis import settings
 from schemathesis.specs.openapi.checks import positive_data_acceptance
 
-from support.gateways import Gateway, running
+from support.gateway_process import Gateway, running
 from zengrid_gateway.access import Access
 from zengrid_gateway.app import create_app
 from zengrid_gateway.settings import Settings

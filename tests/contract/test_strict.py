@@ -9,12 +9,12 @@ from typing import Any, get_args
 import pytest
 from pydantic import BaseModel, ValidationError
 
+from message_schemas import MESSAGES
 from zengrid.errors import WireError
 from zengrid.scenario import HomeSpec
 from zengrid.wire.codec import decode
-from zengrid.wire.requests import JoinRequest
-from zengrid.wire.schema import MESSAGES
-from zengrid.wire.spawner import SpawnRequest
+from zengrid.wire.queries import JoinRequest
+from zengrid.wire.spawner_queries import SpawnRequest
 from zengrid_gateway.access import Access
 from zengrid_gateway.app import create_app
 from zengrid_gateway.settings import Settings

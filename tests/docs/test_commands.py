@@ -22,8 +22,8 @@ from pathlib import Path
 
 import pytest
 
-from support.pages import ROOT, Block, blocks
-from zengrid.bus.client import Client
+from support.doc_pages import ROOT, Block, blocks
+from zengrid.bus.market_client import MarketClient
 from zengrid.errors import BusError
 from zengrid.testing import free_endpoint, free_port
 
@@ -150,7 +150,7 @@ class Terminal:
     def acts(self, agent: str) -> bool:
         """Whether an agent's actions count."""
         try:
-            with Client("main", self.endpoint) as client:
+            with MarketClient("main", self.endpoint) as client:
                 return any(found.id == agent and found.acted for found in client.control("status").agents)
         except BusError:
             return False

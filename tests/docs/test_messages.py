@@ -9,11 +9,11 @@ from typing import Any
 import pytest
 import zenoh
 
-from support.pages import blocks
-from zengrid.testing import Market
+from message_schemas import MESSAGES
+from support.doc_pages import blocks
+from zengrid.testing import RunningMarket
 from zengrid.wire.base import Message
 from zengrid.wire.codec import decode
-from zengrid.wire.schema import MESSAGES
 
 KINDS: dict[str, type[Message]] = {kind.__name__: kind for kind in MESSAGES}
 SHOWN = [
@@ -38,7 +38,7 @@ def test_a_real_market_says_what_the_page_shows() -> None:
     """Plays the conversation of docs/own-agent.md word by word."""
     (script,) = (block.text for block in blocks("docs/own-agent.md", "text") if block.text.startswith("SUBSCRIBE"))
     steps = [step.split(None, 1) for step in re.split(r"\n\n", script.strip())]
-    with Market("paper", ("--paused",), run="main") as market:
+    with RunningMarket("paper", ("--paused",), run="main") as market:
         market.start_agents("p1", "p2", "p3")
         market.wait_for_status(lambda s: s.state == "paused", missing="the market ready")
         config = zenoh.Config()

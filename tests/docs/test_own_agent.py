@@ -5,20 +5,20 @@ from __future__ import annotations
 import signal
 import sys
 
-from support.pages import ROOT
+from support.doc_pages import ROOT
 from zengrid.journal import Journal
 from zengrid.journal.audit import audit
-from zengrid.testing import Market, Process
+from zengrid.testing import Process, RunningMarket
 
 EXAMPLE = str(ROOT / "docs" / "examples" / "own_agent.py")
 
 
-def start(market: Market, agent: str, *options: str) -> Process:
+def start(market: RunningMarket, agent: str, *options: str) -> Process:
     return market.start(f"own {agent}", sys.executable, EXAMPLE, agent, *options)
 
 
 def test_it_plays_a_home_of_the_scenario_and_earns_more_than_without_demand_response() -> None:
-    with Market("paper", ("--days", "2")) as market:
+    with RunningMarket("paper", ("--days", "2")) as market:
         market.start_grid("--policy", "tou:0.05,19:00=0.10,22:00=0.05")
         for agent in ("p2", "p3"):
             market.start_prosumer(agent)
@@ -34,7 +34,7 @@ def test_it_plays_a_home_of_the_scenario_and_earns_more_than_without_demand_resp
 
 
 def test_it_brings_a_home_and_takes_it_out_again() -> None:
-    with Market("paper") as market:
+    with RunningMarket("paper") as market:
         market.start_agents("p1", "p2", "p3")
         mine = start(market, "p9", "5", "10")
         market.wait_for_slot(lambda slot: slot.homes == 4 and "p9" in slot.acted, missing="a slot in which p9 acted")
@@ -48,7 +48,7 @@ def test_it_brings_a_home_and_takes_it_out_again() -> None:
 
 
 def test_it_says_why_it_was_refused() -> None:
-    with Market("paper") as market:
+    with RunningMarket("paper") as market:
         market.start_agents("p1", "p2", "p3")
         market.wait_for_slots(1)
         mine = start(market, "p1")

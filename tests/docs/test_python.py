@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from support.pages import ROOT, blocks
+from support.doc_pages import ROOT, blocks
 
 PAGES = ["docs/journal.md", "docs/model.md", "docs/policies.md", "docs/sweep.md"]
 """Those of pages with commands run between these, in ``test_commands.py``."""

@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from support.pages import ROOT
+from support.doc_pages import ROOT
 
 
 def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("torch", reason="extra learn is not installed")
 
-from support.pages import blocks
+from support.doc_pages import blocks
 from zengrid.errors import ZengridError
 from zengrid_cli import reproduce, sweep
 

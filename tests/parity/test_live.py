@@ -11,7 +11,7 @@ from zengrid.journal import Journal, SlotRecord
 from zengrid.policy.facts import MarketFacts
 from zengrid.policy.registry import make_grid_policy, make_prosumer_policy
 from zengrid.scenario import Scenario, load
-from zengrid.testing import Market
+from zengrid.testing import RunningMarket
 
 DAYS = 3
 COMPARED = ("soc", "battery_kw", "injection_kw", "bill", "demand_kw", "facility_kw", "facility_cost", "curtailed_kw",
@@ -82,7 +82,7 @@ def in_a_batch(scenario: Scenario, prosumer: str, grid: str) -> list[Settlement]
 def live(scenario: Scenario, prosumer: str, grid: str) -> list[SlotRecord]:
     """Real processes over real Zenoh."""
     options = ("--days", str(DAYS), "--soc-reset", scenario.soc_reset, "--deadline", "20")
-    with Market(scenario.name, options) as market:
+    with RunningMarket(scenario.name, options) as market:
         market.start_agents(*scenario.home_ids, policy=prosumer, grid_policy=grid)
         assert market.processes["clock"].end(200) == 0, market.said()
         with Journal.open(market.journal, read_only=True) as journal:

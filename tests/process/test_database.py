@@ -10,13 +10,13 @@ from typing import Literal
 
 import pytest
 
-from support.databases import Line, Server, postgres_server
-from support.gateways import gateway
-from support.hosts import Hosts, why_not
+from support.gateway_process import gateway
+from support.network_hosts import Hosts, why_not
+from support.postgres import Line, Server, postgres_server
 from zengrid.errors import JournalUnavailableError
 from zengrid.journal import Journal
 from zengrid.journal.postgres import SILENT_MS
-from zengrid.testing import Market, Process, free_port
+from zengrid.testing import Process, RunningMarket, free_port
 from zengrid.wire.codec import decode
 from zengrid.wire.slots import PublicSlot
 
@@ -36,7 +36,7 @@ def postgres() -> Iterator[Server]:
 class Follower:
     """A market that is running with its journal at a URL, and every slot that anybody was told of."""
 
-    def __init__(self, market: Market) -> None:
+    def __init__(self, market: RunningMarket) -> None:
         self.market = market
         self.told: list[PublicSlot] = []
         market.start_agents(*AGENTS)
@@ -100,8 +100,8 @@ def verify(url: str) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def market_at(url: str, *options: str) -> Market:
-    return Market("paper", ("--journal", url, *options))
+def market_at(url: str, *options: str) -> RunningMarket:
+    return RunningMarket("paper", ("--journal", url, *options))
 
 
 def test_a_market_waits_while_its_database_is_stopped(postgres: Server) -> None:
@@ -184,7 +184,7 @@ def test_a_cable_to_the_database_that_is_cut_leaves_the_run_to_others_in_time(po
             following.ends_soundly(postgres.url(name), cut_off=True)
 
 
-class Elsewhere(Market):
+class Elsewhere(RunningMarket):
     """A market on another host, with its journal at a URL."""
 
     def __init__(self, hosts: Hosts, url: str) -> None:

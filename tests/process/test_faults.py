@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from support.hands import playing_p1
-from zengrid.bus.session import open_client
+from support.manual_agent import playing_p1
+from zengrid.bus.zenoh_session import open_client
 from zengrid.journal import Journal, RunView
 from zengrid.journal.audit import audit
-from zengrid.testing import Market
+from zengrid.testing import RunningMarket
 from zengrid.wire.codec import JSON, encode, encode_fields
-from zengrid.wire.requests import Status
+from zengrid.wire.queries import Status
 from zengrid.wire.slots import GridAction, PublicSlot
 
 PAPER = ("p1", "p2", "p3")
@@ -29,14 +29,14 @@ SLACK_S = 1.5
 
 
 @pytest.fixture
-def market() -> Iterator[Market]:
-    with Market("paper", ("--deadline", str(DEADLINE_S))) as market:
+def market() -> Iterator[RunningMarket]:
+    with RunningMarket("paper", ("--deadline", str(DEADLINE_S))) as market:
         market.start_agents(*PAPER)
         market.wait_for_slots(5)
         yield market
 
 
-def settled(market: Market) -> RunView:
+def settled(market: RunningMarket) -> RunView:
     """End the market; its journal must be without fault."""
     market.client.control("stop")
     assert market.processes["clock"].end() == 0
@@ -51,7 +51,7 @@ def longest_gap_s(run: RunView) -> float:
     return float(np.diff(times).max())
 
 
-def without(agent: str, market: Market) -> PublicSlot:
+def without(agent: str, market: RunningMarket) -> PublicSlot:
     """Wait for a slot in which all but one agent acted."""
     rest = {"grid", *PAPER} - {agent}
     return market.wait_for_slot(
@@ -60,7 +60,7 @@ def without(agent: str, market: Market) -> PublicSlot:
 
 
 @pytest.mark.parametrize("agent", ["p2", "grid"])
-def test_a_killed_agent_is_given_up_at_once(market: Market, agent: str) -> None:
+def test_a_killed_agent_is_given_up_at_once(market: RunningMarket, agent: str) -> None:
     market.processes[agent].kill()
     without(agent, market)
     market.wait_for_slots(20)
@@ -70,7 +70,7 @@ def test_a_killed_agent_is_given_up_at_once(market: Market, agent: str) -> None:
     assert longest_gap_s(settled(market)) < DEADLINE_S + SLACK_S
 
 
-def test_an_agent_that_was_killed_comes_back(market: Market) -> None:
+def test_an_agent_that_was_killed_comes_back(market: RunningMarket) -> None:
     market.processes["p1"].kill()
     without("p1", market)
     market.start_prosumer("p1")
@@ -79,7 +79,7 @@ def test_an_agent_that_was_killed_comes_back(market: Market) -> None:
 
 
 @pytest.mark.parametrize("agent", ["p3", "grid"])
-def test_a_stopped_agent_costs_deadlines_then_nothing_and_returns(market: Market, agent: str) -> None:
+def test_a_stopped_agent_costs_deadlines_then_nothing_and_returns(market: RunningMarket, agent: str) -> None:
     market.processes[agent].signal(signal.SIGSTOP)
     market.wait_for_status(
         lambda s: next(a for a in s.agents if a.id == agent).presence != "present", missing=f"{agent} given up"
@@ -95,7 +95,7 @@ def test_a_stopped_agent_costs_deadlines_then_nothing_and_returns(market: Market
 
 
 def test_a_slot_is_told_while_the_grid_agent_takes_its_time() -> None:
-    with Market("paper", ("--deadline", "20")) as market:
+    with RunningMarket("paper", ("--deadline", "20")) as market:
         market.start_agents(*PAPER)
         market.wait_for_slots(5)
         market.processes["grid"].signal(signal.SIGSTOP)
@@ -111,7 +111,7 @@ def test_a_slot_is_told_while_the_grid_agent_takes_its_time() -> None:
         assert market.wait_for_slot(held.position, timeout_s=SLACK_S).position == held.position
 
 
-def test_a_hung_program_is_found_by_the_deadline(market: Market) -> None:
+def test_a_hung_program_is_found_by_the_deadline(market: RunningMarket) -> None:
     market.processes["p1"].kill()
     without("p1", market)
     script = Path(__file__).parents[1] / "support" / "hung_agent.py"
@@ -133,14 +133,14 @@ def test_a_hung_program_is_found_by_the_deadline(market: Market) -> None:
 
 VIEWER = """
 import sys, threading
-from zengrid.bus.client import Client
-with Client(sys.argv[1], sys.argv[2]) as client:
+from zengrid.bus.market_client import MarketClient
+with MarketClient(sys.argv[1], sys.argv[2]) as client:
     following = client.follow(lambda slot: print("seen", flush=True))
     threading.Event().wait()
 """
 
 
-def test_viewers_that_do_not_read_any_more_cost_only_themselves(market: Market) -> None:
+def test_viewers_that_do_not_read_any_more_cost_only_themselves(market: RunningMarket) -> None:
     """More of them than the bus has threads; beyond the time after which Zenoh gives up their links."""
     command = [sys.executable, "-c", VIEWER, market.run, market.endpoint]
     viewers = [subprocess.Popen(command, stdout=subprocess.PIPE) for _ in range(4)]
@@ -162,7 +162,7 @@ def test_viewers_that_do_not_read_any_more_cost_only_themselves(market: Market) 
     assert not any(block["fallback"].any() for block in run.blocks())
 
 
-def test_the_clock_keeps_its_locks_on_the_journal(market: Market) -> None:
+def test_the_clock_keeps_its_locks_on_the_journal(market: RunningMarket) -> None:
     # Each link that came had the clock look at all that it has open. Without this lock the next reader would cut the
     # index of SQLite's log (its byte 128 says that the index is in use) under the clock's feet.
     with Path(f"{market.journal}-shm").open("r+b") as index, pytest.raises(BlockingIOError):
@@ -173,7 +173,7 @@ def test_the_clock_keeps_its_locks_on_the_journal(market: Market) -> None:
     market.wait_for_slots(5)
 
 
-def test_a_second_process_of_the_same_name_is_refused(market: Market) -> None:
+def test_a_second_process_of_the_same_name_is_refused(market: RunningMarket) -> None:
     second = market.start_prosumer("p1", name="second")
     assert second.end() == 1
     assert "agent = p1: another process plays it" in second.said()
@@ -181,7 +181,7 @@ def test_a_second_process_of_the_same_name_is_refused(market: Market) -> None:
     settled(market)
 
 
-def test_messages_that_do_not_count_are_refused_by_cause_and_change_nothing(market: Market) -> None:
+def test_messages_that_do_not_count_are_refused_by_cause_and_change_nothing(market: RunningMarket) -> None:
     """Against a market of the same agents that nobody disturbs: every settlement is the same, to the last bit."""
     with open_client(market.endpoint) as session:
         latest = market.client.latest()
@@ -210,7 +210,7 @@ def test_messages_that_do_not_count_are_refused_by_cause_and_change_nothing(mark
                     session.put(market.client.keys.action(agent), payload, encoding=JSON)
         market.wait_for_slot(60)
     disturbed = settled(market).records(limit=60)
-    with Market("paper", ("--days", "3")) as quiet:
+    with RunningMarket("paper", ("--days", "3")) as quiet:
         quiet.start_agents(*PAPER)
         assert quiet.processes["clock"].end() == 0
         undisturbed = Journal.open(quiet.journal, read_only=True).run().records(limit=60)
@@ -220,7 +220,7 @@ def test_messages_that_do_not_count_are_refused_by_cause_and_change_nothing(mark
 
 
 def test_late_future_duplicate_and_impossible_actions_are_refused() -> None:
-    with Market("paper", ("--paused", "--deadline", "20")) as market:
+    with RunningMarket("paper", ("--paused", "--deadline", "20")) as market:
         with playing_p1(market) as hand:
 
             def refused(cause: str) -> None:
@@ -245,7 +245,7 @@ def test_late_future_duplicate_and_impossible_actions_are_refused() -> None:
         assert [float(record.battery_kw[0]) for record in run.records()] == [1.5, 0.5]
 
 
-def test_a_foreign_price_does_not_count(market: Market) -> None:
+def test_a_foreign_price_does_not_count(market: RunningMarket) -> None:
     with open_client(market.endpoint) as session:
         for _ in range(2000):
             latest = market.last
@@ -259,7 +259,7 @@ def test_a_foreign_price_does_not_count(market: Market) -> None:
     assert {float(price) for block in run.blocks(homes=False) for price in block["buy_price"]} == {0.05}
 
 
-def test_the_clock_is_killed_and_goes_on_where_it_was(market: Market) -> None:
+def test_the_clock_is_killed_and_goes_on_where_it_was(market: RunningMarket) -> None:
     market.wait_for_slots(30)
     p4 = market.start_prosumer("p4", "--pv", "3", "--battery", "5")
     market.wait_for_slot(lambda slot: "p4" in slot.acted, missing="p4")

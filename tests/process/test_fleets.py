@@ -8,13 +8,13 @@ import pytest
 from zengrid.errors import RefusedError
 from zengrid.journal import Journal, SlotRecord
 from zengrid.journal.audit import audit
-from zengrid.testing import Market
-from zengrid.wire.requests import PolicyRequest
+from zengrid.testing import RunningMarket
+from zengrid.wire.queries import PolicyRequest
 
 
 def village_day(encoding: str) -> list[SlotRecord]:
     """A day of a hundred homes in two fleets."""
-    with Market("village", ("--days", "1", "--deadline", "20")) as market:
+    with RunningMarket("village", ("--days", "1", "--deadline", "20")) as market:
         market.start_grid("--policy", "random:1")
         for fleet in ("fleet1", "fleet2"):
             market.start_prosumer(fleet, "--policy", "random:2", "--encoding", encoding)
@@ -37,7 +37,7 @@ def test_both_encodings_settle_the_same_bits() -> None:
 
 
 def test_agents_say_what_they_would_do() -> None:
-    with Market("paper", ("--paused",)) as market:
+    with RunningMarket("paper", ("--paused",)) as market:
         market.start_agents("p1", "p2", "p3", grid_policy="tou:0.05,18:00=0.09")
         market.wait_for_status(lambda s: s.state == "paused", missing="the market ready")
         evening = (0.0, -1.0)  # sine and cosine of 12 hours after midnight

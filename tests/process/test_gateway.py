@@ -15,9 +15,9 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Origin
 
-from support.gateways import Gateway, events, running
+from support.gateway_process import Gateway, events, running
 from zengrid.wire.codec import decode
-from zengrid.wire.requests import Status
+from zengrid.wire.queries import Status
 from zengrid.wire.slots import PublicSlot
 
 PACED = ("--speed", "180000x")

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from support.gateways import Gateway, gateway, running
+from support.gateway_process import Gateway, gateway, running
 
 PAUSE = {"command": "pause"}
 

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 import httpx
 import pytest
 
-from support.gateways import Gateway, events, gateway, running
-from zengrid.testing import Market
+from support.gateway_process import Gateway, events, gateway, running
+from zengrid.testing import RunningMarket
 
 
 def is_away(response: httpx.Response) -> bool:
@@ -22,7 +22,7 @@ def position(response: httpx.Response) -> int:
 
 
 def test_a_gateway_waits_for_its_market() -> None:
-    with Market("paper") as market:
+    with RunningMarket("paper") as market:
         market.processes["clock"].kill()
         it = Gateway(market)
         with it.http:

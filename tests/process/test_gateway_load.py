@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from support.gateways import Gateway, running
+from support.gateway_process import Gateway, running
 
 QUERY = "/v1/policies/p1/query"
 BODY = 2 * 2**20

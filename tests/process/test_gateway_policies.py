@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from support.gateways import gateway
+from support.gateway_process import gateway
 from zengrid.core.observe import prosumer_features
 from zengrid.policy.file import Layer, PolicyFile
-from zengrid.testing import Market
+from zengrid.testing import RunningMarket
 
 QUESTION = {"quantities": {"soc": [0.1, 0.4, 0.7, 0.9], "pv_kw": 2.0, "load_kw": 1.0, "buy_price": 0.07, "hour": 12}}
 
@@ -40,7 +40,7 @@ def trained(path: Path) -> None:
 
 
 def test_an_agent_and_its_file_answer_alike() -> None:
-    with Market("paper", ("--speed", "72000x")) as market:
+    with RunningMarket("paper", ("--speed", "72000x")) as market:
         shelf = market.folder / "policies"
         shelf.mkdir()
         trained(shelf / "small.safetensors")

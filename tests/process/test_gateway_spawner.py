@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from support.gateways import Gateway, running, start_spawner
+from support.gateway_process import Gateway, running, start_spawner
 
 HOME = {"id": "p4", "pv_kw": 5, "battery": {"capacity_kwh": 10}}
 

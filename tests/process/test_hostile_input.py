@@ -14,16 +14,16 @@ import numpy as np
 import pytest
 import zenoh
 
-from support.certs import make_certs
-from zengrid.bus.agent import AgentLink
+from support.certificate_folders import make_certs
+from zengrid.bus.agent_link import AgentLink
 from zengrid.bus.credentials import Credentials
-from zengrid.bus.keys import Keys
-from zengrid.bus.session import open_client
+from zengrid.bus.keys import KeyExpressions
+from zengrid.bus.zenoh_session import open_client
 from zengrid.journal import Journal
 from zengrid.journal.audit import audit
-from zengrid.testing import Market
+from zengrid.testing import RunningMarket
 from zengrid.wire.codec import BINARY, JSON, decode, encode
-from zengrid.wire.requests import JoinRequest, Refusal
+from zengrid.wire.queries import JoinRequest, Refusal
 
 PAPER = ("p1", "p2", "p3")
 DEADLINE_S = 0.5
@@ -36,10 +36,10 @@ ATTEMPTS = 100
     scope="module",
     params=["open", pytest.param("certificates", marks=[pytest.mark.slow, pytest.mark.timeout(300)])],
 )
-def market(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Market]:
+def market(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningMarket]:
     certs = make_certs(tmp_path_factory.mktemp("certs")) if request.param == "certificates" else None
     options = ("--deadline", str(DEADLINE_S), "--max-homes", "4000")
-    with Market("paper", options, certs=certs) as market:
+    with RunningMarket("paper", options, certs=certs) as market:
         market.start_agents(*PAPER)
         market.wait_for_slot(lambda slot: {"grid", *PAPER} <= set(slot.acted), missing="a slot of everyone")
         yield market
@@ -52,12 +52,12 @@ def market(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
         assert float(np.diff(times).max()) < DEADLINE_S + SLACK_S, "the market was held up"
 
 
-def session_of(market: Market, agent: str) -> zenoh.Session:
+def session_of(market: RunningMarket, agent: str) -> zenoh.Session:
     credentials = None if market.certs is None else Credentials(market.certs, agent)
     return open_client(market.endpoint, credentials=credentials, timeout_s=20.0)
 
 
-def refusals(market: Market) -> dict[str, int]:
+def refusals(market: RunningMarket) -> dict[str, int]:
     return market.client.control("status", homes=False).refused
 
 
@@ -77,7 +77,7 @@ MALFORMED: list[tuple[str, bytes]] = [
 
 
 @pytest.mark.parametrize("agent", ["p1", "grid"])
-def test_bytes_that_no_message_has_are_refused_and_counted(market: Market, agent: str) -> None:
+def test_bytes_that_no_message_has_are_refused_and_counted(market: RunningMarket, agent: str) -> None:
     before = refusals(market)
 
     def counted() -> int:
@@ -126,7 +126,9 @@ def joins(agent: str, homes: list[dict[str, Any]]) -> bytes:
         (lambda: b"\xff\xfe", "invalid"),
     ],
 )  # fmt: skip
-def test_joins_that_cannot_be_are_refused_at_once(market: Market, payload: Callable[[], bytes], reason: str) -> None:
+def test_joins_that_cannot_be_are_refused_at_once(
+    market: RunningMarket, payload: Callable[[], bytes], reason: str
+) -> None:
     """The market's longest gap between two slots, looked at in the end, says what they have cost."""
     # A name of its own for each, so that none is refused for asking too often; with certificates there are few names.
     agent = "p4" if market.certs is not None else f"x{secrets.token_hex(4)}"
@@ -135,7 +137,9 @@ def test_joins_that_cannot_be_are_refused_at_once(market: Market, payload: Calla
         answers: list[zenoh.Reply] = []
         until = time.monotonic() + 30
         while not answers and time.monotonic() < until:
-            answers = list(session.get(Keys(market.run).join(agent), payload=message, encoding=JSON, timeout=5.0))
+            answers = list(
+                session.get(KeyExpressions(market.run).join(agent), payload=message, encoding=JSON, timeout=5.0)
+            )
     assert answers, "no answer"
     (answer,) = answers
     assert answer.err is not None
@@ -145,7 +149,7 @@ def test_joins_that_cannot_be_are_refused_at_once(market: Market, payload: Calla
     market.wait_for_slots(3)
 
 
-def test_a_silent_agent_that_joins_again_and_again_is_not_waited_for(market: Market) -> None:
+def test_a_silent_agent_that_joins_again_and_again_is_not_waited_for(market: RunningMarket) -> None:
     """It would else reset the count of its missed deadlines with each join."""
     agent, instance = "p5", secrets.token_hex(8)
     request = JoinRequest.model_validate_json(joins(agent, [home(agent)])).model_copy(update={"instance": instance})
@@ -185,7 +189,7 @@ def test_a_silent_agent_that_joins_again_and_again_is_not_waited_for(market: Mar
     market.wait_for_slot(lambda slot: slot.homes == len(PAPER), missing="a slot without the silent agent")
 
 
-def test_joining_again_as_before_writes_no_roster(market: Market) -> None:
+def test_joining_again_as_before_writes_no_roster(market: RunningMarket) -> None:
     agent = "p6" if market.certs is None else "p4"
     homes = [home(agent), *(home(f"{agent}-{i}") for i in range(200))]
     request = JoinRequest.model_validate_json(joins(agent, homes))
@@ -210,7 +214,7 @@ def test_joining_again_as_before_writes_no_roster(market: Market) -> None:
 
 def test_the_journal_of_an_attacked_market_is_resumed(tmp_path: Path) -> None:
     """A battery of 1e-320 kWh once made the clock spin for ever after a restart."""
-    with Market("paper", ("--deadline", str(DEADLINE_S))) as market:
+    with RunningMarket("paper", ("--deadline", str(DEADLINE_S))) as market:
         market.start_agents(*PAPER)
         market.wait_for_slots(5)
         with session_of(market, "p4") as session:

@@ -9,8 +9,8 @@ import pytest
 
 pytest.importorskip("torch", reason="extra learn is not installed")
 
-from support.ups import Up
-from zengrid.bus.client import Client
+from support.zengrid_up import Up
+from zengrid.bus.market_client import MarketClient
 from zengrid.journal import Journal
 from zengrid.policy.file import PolicyFile
 
@@ -30,7 +30,7 @@ def test_agents_learn_at_full_speed_and_go_on_where_they_were_killed(tmp_path: P
     with Up(tmp_path, *options, *start, "--paused") as up:
         up.patience_s = PATIENCE_S
         children = {name: up.child(f"zengrid {name}") for name in AGENTS}
-        with Client("main", up.endpoint, timeout_s=PATIENCE_S) as client:
+        with MarketClient("main", up.endpoint, timeout_s=PATIENCE_S) as client:
             up.status(client, lambda status: all(agent.presence == "present" for agent in status.agents))
             client.control("resume")
             status = up.status(client, lambda status: status.totals.slots > 300)

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from support.gateways import gateway, start_spawner
-from zengrid.testing import Market, Process
+from support.gateway_process import gateway, start_spawner
+from zengrid.testing import Process, RunningMarket
 
 
 def lines(process: Process) -> list[dict[str, Any]]:
@@ -25,7 +25,7 @@ def position(line: dict[str, Any]) -> int:
 def test_every_line_is_json_and_tells_who_was_killed_when(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ZENGRID_LOG", "json")
     monkeypatch.setenv("ZENGRID_LOG_LEVEL", "debug")
-    with Market("paper") as market:
+    with RunningMarket("paper") as market:
         market.start_agents("p1", "p2", "p3")
         market.wait_for_slots(3)
         start_spawner(market)

@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from support.certs import make_certs
-from support.hosts import Hosts, why_not
+from support.certificate_folders import make_certs
+from support.network_hosts import Hosts, why_not
 from zengrid.journal import Journal
 from zengrid.journal.audit import audit
 from zengrid.scenario.home import HomeSpec
-from zengrid.testing import Market, free_port
-from zengrid.wire.spawner import SpawnRequest
+from zengrid.testing import RunningMarket, free_port
+from zengrid.wire.spawner_queries import SpawnRequest
 from zengrid_cli.certs import main as certs_command
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
@@ -41,7 +41,7 @@ def test_agents_elsewhere_take_part_fall_back_when_cut_off_and_return(
     through: str, hosts: Hosts, tmp_path: Path
 ) -> None:
     certs = make_certs(tmp_path / "certs", "--host", hosts.here, "--host", hosts.address("east"), "--spawner", "east")
-    market = Market("paper", ("--deadline", str(DEADLINE_S), "--wait", "60"), certs=certs)
+    market = RunningMarket("paper", ("--deadline", str(DEADLINE_S), "--wait", "60"), certs=certs)
     market.endpoint = f"tls/{hosts.here}:{free_port()}"
     for name in hosts.names:
         hosts.quality(name, delay_s=0.01, loss=0.01)

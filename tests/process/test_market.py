@@ -8,21 +8,21 @@ import threading
 import numpy as np
 import pytest
 
-from support.hands import playing_p1
-from zengrid.bus.agent import AgentLink, Arrival
+from support.manual_agent import playing_p1
+from zengrid.bus.agent_link import AgentLink, ReceivedObservation
 from zengrid.errors import RefusedError
 from zengrid.journal import Journal
 from zengrid.journal.audit import audit
-from zengrid.testing import Market
+from zengrid.testing import RunningMarket
 from zengrid.wire.codec import JSON, decode, encode
-from zengrid.wire.requests import JoinRequest
+from zengrid.wire.queries import JoinRequest
 from zengrid.wire.slots import FleetAction, FleetObservation
 
 PAPER = ("p1", "p2", "p3")
 
 
 def test_runs_to_its_end_and_everyone_leaves() -> None:
-    with Market("paper", ("--days", "3")) as market:
+    with RunningMarket("paper", ("--days", "3")) as market:
         market.start_agents(*PAPER)
         assert market.processes["clock"].end() == 0, market.said()
         assert [market.processes[name].end() for name in ("grid", *PAPER)] == [0, 0, 0, 0], market.said()
@@ -35,7 +35,7 @@ def test_runs_to_its_end_and_everyone_leaves() -> None:
 
 
 def test_a_home_joins_from_another_terminal_and_leaves_again() -> None:
-    with Market("paper") as market:
+    with RunningMarket("paper") as market:
         market.start_agents(*PAPER)
         market.wait_for_slots(5)
         p4 = market.start_prosumer("p4", "--pv", "5", "--battery", "10")
@@ -55,7 +55,7 @@ def test_a_home_joins_from_another_terminal_and_leaves_again() -> None:
 
 
 def test_pause_step_speed_and_stop() -> None:
-    with Market("paper", ("--paused",)) as market:
+    with RunningMarket("paper", ("--paused",)) as market:
         market.start_agents(*PAPER)
         status = market.wait_for_status(lambda s: s.state == "paused", missing="the pause before the first slot")
         assert (status.day, status.slot, status.last) == (0, 0, None)
@@ -72,7 +72,7 @@ def test_pause_step_speed_and_stop() -> None:
 
 
 def test_who_is_told_of_a_pause_finds_the_market_standing_still() -> None:
-    with Market() as market:
+    with RunningMarket() as market:
         market.start_agents(*PAPER)
         for _ in range(20):
             market.wait_for_slots(3)
@@ -86,7 +86,7 @@ def test_who_is_told_of_a_pause_finds_the_market_standing_still() -> None:
 
 
 def test_a_command_waits_for_the_slot_to_end_but_its_answer_not_for_ever() -> None:
-    with Market("paper", ("--paused", "--deadline", "30")) as market, playing_p1(market) as hand:
+    with RunningMarket("paper", ("--paused", "--deadline", "30")) as market, playing_p1(market) as hand:
         market.client.control("step")
         for slot in range(4):
             hand.see()
@@ -99,7 +99,7 @@ def test_a_command_waits_for_the_slot_to_end_but_its_answer_not_for_ever() -> No
 
 
 def test_any_zenoh_tool_can_read_the_price() -> None:
-    with Market("paper", ("--days", "1", "--speed", "36000x")) as market:
+    with RunningMarket("paper", ("--days", "1", "--speed", "36000x")) as market:
         market.start_agents(*PAPER)
         market.wait_for_slot(3)
         (reply,) = market.client.session.get(market.client.keys.slot)
@@ -110,7 +110,7 @@ def test_any_zenoh_tool_can_read_the_price() -> None:
 
 
 def test_an_agent_can_answer_on_zenohs_own_thread() -> None:
-    with Market("paper", ("--days", "1", "--deadline", "20")) as market:
+    with RunningMarket("paper", ("--days", "1", "--deadline", "20")) as market:
         market.start_agents("p2", "p3")
         over = threading.Event()
         # What Python keeps for a thread is lost where its state is made anew for every call.
@@ -118,7 +118,7 @@ def test_an_agent_can_answer_on_zenohs_own_thread() -> None:
         threads = set()
         with AgentLink("p1", market.run, market.endpoint) as link:
 
-            def answer(arrival: Arrival) -> None:
+            def answer(arrival: ReceivedObservation) -> None:
                 seen = decode(FleetObservation, arrival.payload, arrival.encoding)
                 if seen.phase == "end":
                     over.set()
@@ -144,7 +144,7 @@ def test_an_agent_can_answer_on_zenohs_own_thread() -> None:
 
 
 def test_history_is_what_the_journal_holds() -> None:
-    with Market("paper", ("--days", "2")) as market:
+    with RunningMarket("paper", ("--days", "2")) as market:
         market.start_agents(*PAPER)
         market.wait_for_slot(30)
         first = market.client.history(0, 10, homes=True)
@@ -168,7 +168,7 @@ def test_history_is_what_the_journal_holds() -> None:
     ],
 )
 def test_a_home_that_does_not_fit_is_refused_with_its_reason(options: tuple[str, ...], says: str) -> None:
-    with Market("paper") as market:
+    with RunningMarket("paper") as market:
         market.start_agents(*PAPER)
         market.wait_for_slots(1)
         stranger = market.start_prosumer("p9", *options)
@@ -179,7 +179,7 @@ def test_a_home_that_does_not_fit_is_refused_with_its_reason(options: tuple[str,
 
 
 def test_only_the_clock_and_the_grid_have_their_names() -> None:
-    with Market("paper") as market:
+    with RunningMarket("paper") as market:
         market.start_agents(*PAPER)
         market.wait_for_slots(1)
         for name in ("grid", "clock"):
@@ -190,7 +190,7 @@ def test_only_the_clock_and_the_grid_have_their_names() -> None:
 
 
 def test_control_requests_that_make_no_sense_are_refused() -> None:
-    with Market("paper", ("--paused",)) as market:
+    with RunningMarket("paper", ("--paused",)) as market:
         market.start_agents(*PAPER)
         with pytest.raises(RefusedError, match="speed: needs a number"):
             market.client.control("speed")

@@ -17,22 +17,22 @@ import numpy as np
 import pytest
 import zenoh
 
-from support.certs import make_certs
-from support.gateways import gateway, start_spawner
-from zengrid.bus.agent import AgentLink
+from support.certificate_folders import make_certs
+from support.gateway_process import gateway, start_spawner
+from zengrid.bus.agent_link import AgentLink
 from zengrid.bus.certificates import Authority
-from zengrid.bus.client import Client
 from zengrid.bus.credentials import Credentials
-from zengrid.bus.keys import ROOT, Keys
-from zengrid.bus.session import open_client
+from zengrid.bus.keys import ROOT, KeyExpressions
+from zengrid.bus.market_client import MarketClient
+from zengrid.bus.zenoh_session import open_client
 from zengrid.errors import BusError, SecurityError
 from zengrid.journal import Journal
 from zengrid.journal.audit import audit
 from zengrid.scenario.home import HomeSpec
-from zengrid.testing import Market
+from zengrid.testing import RunningMarket
 from zengrid.wire.base import Message
 from zengrid.wire.codec import JSON, decode, encode
-from zengrid.wire.requests import ControlRequest, HistoryRequest, JoinRequest, LeaveRequest, Refusal, ScenarioRequest
+from zengrid.wire.queries import ControlRequest, HistoryRequest, JoinRequest, LeaveRequest, Refusal, ScenarioRequest
 from zengrid.wire.slots import FleetAction, FleetObservation, GridAction
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]  # many attackers, and a machine that may be busy
@@ -51,15 +51,15 @@ def certs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def market(certs: Path) -> Iterator[Market]:
-    with Market("paper", ("--deadline", str(DEADLINE_S)), certs=certs) as market:
+def market(certs: Path) -> Iterator[RunningMarket]:
+    with RunningMarket("paper", ("--deadline", str(DEADLINE_S)), certs=certs) as market:
         market.start_agents(*PAPER)
         market.wait_for_slot(lambda slot: {"grid", *PAPER} <= set(slot.acted), missing="a slot of everyone")
         yield market
         check_books(market)
 
 
-def check_books(market: Market) -> None:
+def check_books(market: RunningMarket) -> None:
     """The honest have played the conventional rule at the lowest price, so each bill must be as without attacks."""
     market.client.control("stop")
     assert market.processes["clock"].end() == 0
@@ -74,7 +74,7 @@ def check_books(market: Market) -> None:
         assert float(np.diff(times).max()) < DEADLINE_S + SLACK_S, "the market was held up"
 
 
-def session_of(market: Market, name: str, certs: Path | None = None) -> zenoh.Session:
+def session_of(market: RunningMarket, name: str, certs: Path | None = None) -> zenoh.Session:
     folder = certs or market.certs
     assert folder is not None
     return open_client(market.endpoint, credentials=Credentials(folder, name), timeout_s=20.0)
@@ -85,11 +85,11 @@ def ask(session: zenoh.Session, key: str, message: Message) -> list[zenoh.Reply]
     return list(session.get(key, payload=encode(message), encoding=JSON, timeout=1.0))
 
 
-def refusals(market: Market) -> dict[str, int]:
+def refusals(market: RunningMarket) -> dict[str, int]:
     return market.client.control("status", homes=False).refused
 
 
-def wait_for_refusals(market: Market, cause: str, more_than: int = 0) -> None:
+def wait_for_refusals(market: RunningMarket, cause: str, more_than: int = 0) -> None:
     market.wait_for_status(lambda status: status.refused.get(cause, 0) > more_than, missing=f"refusals as {cause}")
 
 
@@ -101,7 +101,7 @@ def action(run: str, day: int, instance: str, kw: float = 2.0) -> bytes:
 
 
 def test_only_who_has_a_certificate_of_this_authority_gets_a_session(
-    market: Market, certs: Path, tmp_path: Path
+    market: RunningMarket, certs: Path, tmp_path: Path
 ) -> None:
     bare = zenoh.Config()
     settings = {
@@ -134,7 +134,7 @@ def test_only_who_has_a_certificate_of_this_authority_gets_a_session(
 
 def test_an_agent_cannot_pose_as_the_clock(certs: Path) -> None:
     """Whoever gets hold of an agent's key and of the clock's address still finds no agent that talks to it."""
-    with Market("paper", ("--paused",), certs=certs) as market:
+    with RunningMarket("paper", ("--paused",), certs=certs) as market:
         market.processes["clock"].kill()
         false = zenoh.Config()
         posing = Credentials(certs, "p3").settings()
@@ -150,8 +150,8 @@ def test_an_agent_cannot_pose_as_the_clock(certs: Path) -> None:
 # -------------------------------------------------------------------- what the access list stops
 
 
-def test_nothing_of_others_can_be_read(market: Market) -> None:
-    keys = Keys(market.run)
+def test_nothing_of_others_can_be_read(market: RunningMarket) -> None:
+    keys = KeyExpressions(market.run)
     heard: set[str] = set()
     slots = threading.Semaphore(0)
 
@@ -190,8 +190,8 @@ def test_nothing_of_others_can_be_read(market: Market) -> None:
     assert market.client.control("status").state == "running"
 
 
-def test_what_is_forged_reaches_nobody(market: Market) -> None:
-    keys, before = Keys(market.run), refusals(market)
+def test_what_is_forged_reaches_nobody(market: RunningMarket) -> None:
+    keys, before = KeyExpressions(market.run), refusals(market)
     false = threading.Event()
     with session_of(market, "p4") as session:
         # As the clock, as the grid, as another home, and as all of them at once.
@@ -231,8 +231,8 @@ def test_what_is_forged_reaches_nobody(market: Market) -> None:
 # -------------------------------------------------------------------- what reaches the clock
 
 
-def test_an_agent_can_only_ask_for_itself_and_what_it_tries_is_counted(market: Market) -> None:
-    keys = Keys(market.run)
+def test_an_agent_can_only_ask_for_itself_and_what_it_tries_is_counted(market: RunningMarket) -> None:
+    keys = KeyExpressions(market.run)
     home = HomeSpec.model_validate({"id": "p4", "pv_kw": 3, "battery": {"capacity_kwh": 5}})
 
     def joins(agent: str, *homes: HomeSpec) -> JoinRequest:
@@ -261,8 +261,8 @@ def test_an_agent_can_only_ask_for_itself_and_what_it_tries_is_counted(market: M
         refused(keys.leave("p4"), LeaveRequest(agent="p4", instance="0123456789abcdef"), "leave_unknown")
 
 
-def test_a_certificate_that_is_used_twice_gives_the_second_process_no_place(market: Market) -> None:
-    keys, agent = Keys(market.run), "p1"
+def test_a_certificate_that_is_used_twice_gives_the_second_process_no_place(market: RunningMarket) -> None:
+    keys, agent = KeyExpressions(market.run), "p1"
     before = refusals(market).get("second_session", 0)
     with session_of(market, agent) as thief:
         wait_for_refusals(market, "second_session", before)
@@ -282,10 +282,10 @@ def test_a_certificate_that_is_used_twice_gives_the_second_process_no_place(mark
     market.wait_for_slot(lambda slot: agent in slot.acted, missing="the first process, which goes on")
 
 
-def test_a_member_that_cheats_and_floods_gains_nothing_and_delays_nobody(market: Market) -> None:
+def test_a_member_that_cheats_and_floods_gains_nothing_and_delays_nobody(market: RunningMarket) -> None:
     """It has joined as it may; then it replays, forges, sends too much and too often."""
     assert market.certs is not None
-    keys, instance = Keys(market.run), secrets.token_hex(8)
+    keys, instance = KeyExpressions(market.run), secrets.token_hex(8)
     home = HomeSpec.model_validate({"id": "p4", "pv_kw": 3, "battery": {"capacity_kwh": 5}})
     with AgentLink("p4", market.run, market.endpoint, certs=market.certs) as link:
         request = JoinRequest(agent="p4", role="prosumer", instance=instance, homes=(home,))
@@ -321,7 +321,7 @@ def test_a_member_that_cheats_and_floods_gains_nothing_and_delays_nobody(market:
 
 def test_the_page_starts_homes_that_have_a_certificate(certs: Path, tmp_path: Path) -> None:
     home = {"id": "p4", "pv_kw": 5, "battery": {"capacity_kwh": 10}}
-    with Market("paper", ("--speed", "72000x"), certs=certs) as market:
+    with RunningMarket("paper", ("--speed", "72000x"), certs=certs) as market:
         market.start_agents(*PAPER)
         start_spawner(market)
         market.wait_for_slots(2, 40)
@@ -336,11 +336,11 @@ def test_the_page_starts_homes_that_have_a_certificate(certs: Path, tmp_path: Pa
 def test_an_operator_may_look_and_steer_and_a_name_off_the_list_may_nothing(certs: Path, tmp_path: Path) -> None:
     mine = make_certs(tmp_path / "mine", "--ids", "p7")
     make_certs(mine, "--revoke", "p7")
-    with Market("paper", ("--wait", "0"), certs=mine) as market:
+    with RunningMarket("paper", ("--wait", "0"), certs=mine) as market:
         market.wait_for_slots(1)
-        with Client(market.run, market.endpoint, certs=mine, name="gateway", timeout_s=20.0) as viewer:
+        with MarketClient(market.run, market.endpoint, certs=mine, name="gateway", timeout_s=20.0) as viewer:
             assert "paper" in viewer.scenario()
         with session_of(market, "p7") as session:
-            keys = Keys(market.run)
+            keys = KeyExpressions(market.run)
             assert ask(session, keys.slot, ControlRequest(command="status")) == []
             assert ask(session, keys.join("p7"), JoinRequest(agent="p7", role="prosumer", instance="0" * 16)) == []

@@ -15,15 +15,15 @@ from typing import Any, cast
 
 import pytest
 
-from support.gateways import START_S, Gateway, running
-from zengrid.bus.client import SPAWN_S
-from zengrid.bus.spawner import SpawnerLink
+from support.gateway_process import START_S, Gateway, running
+from zengrid.bus.market_client import SPAWN_S
+from zengrid.bus.spawner_link import SpawnerLink
 from zengrid.errors import RefusedError
 from zengrid.scenario import HomeSpec
-from zengrid.testing import Market
+from zengrid.testing import RunningMarket
 from zengrid.wire.codec import decode
-from zengrid.wire.requests import Refusal
-from zengrid.wire.spawner import ProcessStatus, SpawnerStatus, SpawnRequest, StopRequest
+from zengrid.wire.queries import Refusal
+from zengrid.wire.spawner_queries import ProcessStatus, SpawnerStatus, SpawnRequest, StopRequest
 from zengrid_spawner.service import Inbox, Spawner
 from zengrid_spawner.settings import Settings
 
@@ -222,7 +222,7 @@ def test_an_error_that_nobody_foresaw_refuses_one_request(tmp_path: Path, capsys
         finally:
             inbox.put("end")
 
-    with Market("paper") as market, SpawnerLink(NAME, "test", market.endpoint, on_event=inbox.put):
+    with RunningMarket("paper") as market, SpawnerLink(NAME, "test", market.endpoint, on_event=inbox.put):
         asking = Thread(target=ask_twice)
         asking.start()
         Spawner(broken, inbox).serve()

@@ -8,14 +8,14 @@ import pytest
 
 from zengrid.journal import Journal
 from zengrid.journal.audit import audit
-from zengrid.testing import Market
+from zengrid.testing import RunningMarket
 
 OWN = ("--pv", "4", "--battery", "8")
 
 
 @pytest.mark.slow
 def test_three_take_the_homes_of_the_scenario_the_fourth_brings_its_own_and_a_restarted_one_is_back() -> None:
-    with Market("paper") as market:
+    with RunningMarket("paper") as market:
         market.start_agents()
         started = [market.start_prosumer("auto", *OWN, name=f"first{i}") for i in range(4)]
         slot = market.wait_for_slot(lambda s: len(s.acted) == 5, timeout_s=60, missing="a slot in which all four acted")

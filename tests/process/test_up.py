@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from support.ups import DEADLINE_S, Up
-from zengrid.bus.client import Client
+from support.zengrid_up import DEADLINE_S, Up
+from zengrid.bus.market_client import MarketClient
 from zengrid.journal import Journal
 from zengrid.testing import free_port
 
@@ -173,7 +173,7 @@ def test_it_is_watched_and_steered_from_elsewhere(tmp_path: Path) -> None:
         before = json.loads(zengrid("top", "--json", *where).stdout)
         assert zengrid("control", "speed", "max", *where).returncode == 0
         assert zengrid("control", "step", "5", *where).returncode == 0
-        with Client("main", up.endpoint) as client:
+        with MarketClient("main", up.endpoint) as client:
             up.status(
                 client, lambda status: status.state == "paused" and status.totals.slots == before["totals"]["slots"] + 5
             )

@@ -8,9 +8,9 @@ import sys
 
 import numpy as np
 
-from zengrid.bus.agent import AgentLink
+from zengrid.bus.agent_link import AgentLink
 from zengrid.wire.codec import JSON, decode, encode
-from zengrid.wire.requests import JoinRequest
+from zengrid.wire.queries import JoinRequest
 from zengrid.wire.slots import FleetAction, FleetObservation
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from support.journals import begin, changed, record, roster
+from support.journal_records import begin, changed, record, roster
 from zengrid.journal import Journal
 
 HOMES = (40, 300)

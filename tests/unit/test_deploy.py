@@ -17,8 +17,8 @@ import prometheus_client
 import pytest
 import yaml
 
-from support.statuses import status
-from zengrid.bus.access import Names
+from support.sample_status import status
+from zengrid.bus.access_list import AccessList
 from zengrid.bus.certificates import hosts_of, read_certificate
 from zengrid.bus.credentials import Credentials
 from zengrid_cli.health import connected
@@ -162,7 +162,7 @@ def test_with_certificates_each_service_sees_its_own_alone(tmp_path: Path) -> No
             words = re.sub(r"\$\{\w+:-([^}]*)\}", r"\1", command).split()
             parse(words)
             assert words[:3] == ["prosumer", "--id", name]
-    agents = Names.load(tmp_path / "clock").agents
+    agents = AccessList.load(tmp_path / "clock").agents
     assert len(agents) == 25
     assert keys.pop("clock") == {"clock", "operator"}
     assert keys.pop("spawner") == {"spawner", *agents} - {"grid", "p1", "p2", "p3"}

@@ -1,4 +1,4 @@
-"""Every key of the protocol; no string of a key stands anywhere else."""
+"""Every key expression of the protocol; no other module builds one."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ ROOT = "zengrid/@v1"
 DEFAULT_RUN = "main"
 
 
-class Keys:
-    """Keys of one run."""
+class KeyExpressions:
+    """The key expressions of one run."""
 
     def __init__(self, run: str = DEFAULT_RUN) -> None:
         self.run = run
@@ -27,22 +27,22 @@ class Keys:
         self._agent = f"{base}/agent"
 
     def join(self, agent: str) -> str:
-        """Where the process of an agent asks to take part; ``*`` is where the clock answers all of them.
+        """Where an agent's process asks to join; the clock serves it with ``*``.
 
-        The agent is part of the key because a question says nothing else of who asks that an access list could check.
+        The key contains the agent because an access list can check nothing else about the sender of a query.
         """
         return f"{self.base}/clock/join/{agent}"
 
     def leave(self, agent: str) -> str:
-        """Where it asks to be taken out."""
+        """Where an agent asks to leave."""
         return f"{self.base}/clock/leave/{agent}"
 
     def observation(self, agent: str) -> str:
-        """Where the clock tells an agent what it may see."""
+        """Where the clock sends an agent's observations."""
         return f"{self._agent}/{agent}/observation"
 
     def action(self, agent: str) -> str:
-        """Where an agent answers."""
+        """Where an agent sends its actions."""
         return f"{self._agent}/{agent}/action"
 
     def alive(self, agent: str) -> str:
@@ -50,11 +50,11 @@ class Keys:
         return f"{self._agent}/{agent}/alive"
 
     def policy(self, agent: str) -> str:
-        """Where an agent answers what it would do."""
+        """Where an agent answers policy queries."""
         return f"{self._agent}/{agent}/policy"
 
     def spawner(self, name: str, what: Literal["spawn", "stop", "status"]) -> str:
-        """Where a spawner answers; the name ``*`` asks all of them."""
+        """Where a spawner answers queries; the name ``*`` reaches all spawners."""
         return f"{self.base}/spawner/{name}/{what}"
 
 

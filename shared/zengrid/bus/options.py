@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 
 from zengrid.bus.keys import DEFAULT_RUN
-from zengrid.bus.session import DEFAULT_ENDPOINT
+from zengrid.bus.zenoh_session import DEFAULT_ENDPOINT
 
 
 def add_bus_options(parser: argparse.ArgumentParser) -> None:

@@ -9,10 +9,10 @@ import pytest
 from cryptography import x509
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
-from zengrid.bus.access import Names
+from zengrid.bus.access_list import AccessList
 from zengrid.bus.certificates import Authority, days_left, hosts_of, read_certificate
+from zengrid.bus.clock_link import ClockLink
 from zengrid.bus.credentials import Credentials, secured
-from zengrid.bus.hub import Hub
 from zengrid.errors import BusError, SecurityError
 from zengrid_cli.certs import main
 
@@ -24,7 +24,7 @@ def contents(folder: Path, pattern: str) -> dict[str, bytes]:
 def test_everyone_of_a_scenario_gets_a_certificate_and_a_key_that_only_its_owner_reads(tmp_path: Path) -> None:
     folder = tmp_path / "certs"
     assert main([str(folder), "--scenario", "paper", "--spare", "2", "--host", "192.0.2.10"]) == 0
-    names = Names.load(folder)
+    names = AccessList.load(folder)
     assert names.agents == ["grid", "p1", "p2", "p3", "p4", "p5"]
     assert names.spawners == ["spawner"]
     assert {path.stem for path in folder.glob("*.key")} == {
@@ -61,11 +61,11 @@ def test_names_and_hosts_are_added_and_keys_are_never_replaced(tmp_path: Path) -
 def test_what_was_revoked_stays_revoked(tmp_path: Path) -> None:
     main([str(tmp_path), "--ids", "p1,p2"])
     assert main([str(tmp_path), "--revoke", "p1"]) == 0
-    assert Names.load(tmp_path).agents == ["grid", "p2"]
+    assert AccessList.load(tmp_path).agents == ["grid", "p2"]
     with pytest.raises(SecurityError, match="id = p1: was revoked"):
         main([str(tmp_path), "--ids", "p1"])
     assert main([str(tmp_path), "--spare", "1"]) == 0
-    assert Names.load(tmp_path).agents == ["grid", "p2", "p3"]
+    assert AccessList.load(tmp_path).agents == ["grid", "p2", "p3"]
 
 
 @pytest.mark.parametrize(
@@ -116,4 +116,4 @@ def test_endpoints_say_whether_certificates_are_used(tmp_path: Path) -> None:
 @pytest.mark.parametrize("endpoint", ["tcp/0.0.0.0:0", "tcp/[::]:0", "tcp/192.0.2.10:7447", "udp/clock.example:7447"])
 def test_nobody_beyond_this_machine_is_let_in_without_certificates(endpoint: str) -> None:
     with pytest.raises(BusError, match="only loopback is allowed without authentication"):
-        Hub("main", endpoint)
+        ClockLink("main", endpoint)

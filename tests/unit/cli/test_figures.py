@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from support.statuses import agent, status
+from support.sample_status import agent, status
 from zengrid_cli.figures import amount, change, clock_time, pace, progress
 from zengrid_cli.lines import line
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from support.statuses import status
+from support.sample_status import status
 from zengrid_cli.rows import rows
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from support.journals import DT_H, begin, fill, record, roster
+from support.journal_records import DT_H, begin, fill, record, roster
 from zengrid.journal import Journal
 from zengrid_cli.options import up_parser
 from zengrid_cli.results import Pair, latest, results

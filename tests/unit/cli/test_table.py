@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
-from support.statuses import agent, status
+from support.sample_status import agent, status
 from zengrid_cli.table import View, bar, render
 
 

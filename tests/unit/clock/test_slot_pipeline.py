@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from support.journals import roster
-from support.markets import seeded
+from support.journal_records import roster
+from support.random_slots import seeded
 from zengrid.core.baselines import conventional
 from zengrid.core.settle import settle
 from zengrid.core.state import Action

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from support.markets import Slot, slots
+from support.random_slots import Slot, slots
 from zengrid.core.baselines import BASELINE_BUY_PRICE, conventional
 from zengrid.core.params import Facilities, Homes, Market
 from zengrid.core.settle import settle

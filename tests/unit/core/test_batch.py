@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from support.markets import Slot, seeded
+from support.random_slots import Slot, seeded
 from zengrid.core.observe import observe_grid, observe_prosumers, time_features
 from zengrid.core.settle import settle
 from zengrid.core.state import Action, Settlement

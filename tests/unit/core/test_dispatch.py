@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from support.markets import facilities
+from support.random_slots import facilities
 from zengrid.core.dispatch import dispatch, facility_cost
 from zengrid.core.params import Facilities, Homes, Market
 

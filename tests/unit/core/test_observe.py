@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from support.markets import Slot, slots
+from support.random_slots import Slot, slots
 from zengrid.core.observe import (
     ObservationKind,
     grid_features,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from support.databases import Server, postgres_server
+from support.postgres import Server, postgres_server
 from zengrid.journal import Journal
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from support.journals import SLOTS_PER_DAY, begin, changed, fill, record, roster
-from support.markets import Slot, slots
+from support.journal_records import SLOTS_PER_DAY, begin, changed, fill, record, roster
+from support.random_slots import Slot, slots
 from zengrid.core.settle import settle
 from zengrid.journal import Journal, SlotRecord
 from zengrid.journal.audit import FINDINGS_MAX, _balances, _sequence, audit

@@ -10,30 +10,30 @@ from collections.abc import Callable
 from zengrid.errors import ZengridError
 from zengrid.journal import Journal
 from zengrid.journal.audit import audit
-from zengrid.testing import Market
+from zengrid.testing import RunningMarket
 
 AGENTS = ("p1", "p2", "p3")
 
 
-def until(condition: Callable[[], bool], missing: str, market: Market, timeout_s: float = 60.0) -> None:
+def until(condition: Callable[[], bool], missing: str, market: RunningMarket, timeout_s: float = 60.0) -> None:
     end = time.monotonic() + timeout_s
     while not condition():
         assert time.monotonic() < end, f"in vain: {missing}\n{market.said()}"
         time.sleep(0.02)
 
 
-def said(market: Market, text: str, times: int = 1) -> Callable[[], bool]:
+def said(market: RunningMarket, text: str, times: int = 1) -> Callable[[], bool]:
     return lambda: market.processes["clock"].said().count(text) >= times
 
 
-def answers(market: Market) -> bool:
+def answers(market: RunningMarket) -> bool:
     try:
         return market.client.control("status").state == "paused"
     except ZengridError:
         return False
 
 
-def goes_on_and_is_sound(market: Market, place: str) -> None:
+def goes_on_and_is_sound(market: RunningMarket, place: str) -> None:
     """Whoever was told of a slot was told what the journal holds."""
     before = market.last
     assert before is not None
@@ -51,7 +51,7 @@ def goes_on_and_is_sound(market: Market, place: str) -> None:
 
 
 def test_a_full_disk_stops_the_market_until_there_is_space() -> None:
-    with Market() as market:
+    with RunningMarket() as market:
         market.start_agents(*AGENTS)
         market.wait_for_slots(30)
         clock = market.processes["clock"].popen.pid
@@ -74,7 +74,7 @@ def test_a_full_disk_stops_the_market_until_there_is_space() -> None:
 
 
 def test_a_market_that_waits_for_its_journal_can_be_ended() -> None:
-    with Market() as market:
+    with RunningMarket() as market:
         market.start_agents(*AGENTS)
         market.wait_for_slots(30)
         away = market.journal.rename(market.journal.with_name("away.db"))
@@ -89,7 +89,7 @@ def test_a_market_that_waits_for_its_journal_can_be_ended() -> None:
 
 
 def test_readers_of_other_processes_leave_the_clock_alone() -> None:
-    with Market() as market:
+    with RunningMarket() as market:
         market.start_agents(*AGENTS)
         market.wait_for_slots(5)
         for _ in range(20):
@@ -99,7 +99,7 @@ def test_readers_of_other_processes_leave_the_clock_alone() -> None:
 
 
 def test_old_days_go_while_the_market_runs() -> None:
-    with Market(options=("--keep-days", "2")) as market:
+    with RunningMarket(options=("--keep-days", "2")) as market:
         market.start_agents(*AGENTS)
         market.wait_for_slot(24 * 6)
         market.client.control("pause")

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from support.journal_records import differences, record, roster
 from support.journal_writer import PATTERNS, homes_at, version_at
-from support.journals import differences, record, roster
 from zengrid.journal import Journal
 from zengrid.journal.audit import audit
 

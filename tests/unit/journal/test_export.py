@@ -12,7 +12,7 @@ import typer
 from pyarrow import csv, parquet
 from typer.testing import CliRunner
 
-from support.journals import begin, record, records, roster
+from support.journal_records import begin, record, records, roster
 from zengrid.errors import JournalError
 from zengrid.journal import Journal, Run, SlotRecord, view
 from zengrid.journal.export import FACILITY_COLUMNS, HOME_COLUMNS, SLOT_COLUMNS, Format, export

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from support.journals import begin, changed, differences, fill, record, roster
+from support.journal_records import begin, changed, differences, fill, record, roster
 from zengrid.errors import JournalError
 from zengrid.journal import Journal, Run, SlotRecord
 from zengrid.journal.audit import audit

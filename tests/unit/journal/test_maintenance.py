@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from support.journals import begin, changed, differences, fill, record, records, roster
+from support.journal_records import begin, changed, differences, fill, record, records, roster
 from zengrid.errors import JournalError
 from zengrid.journal import Journal, Totals
 from zengrid.journal.audit import audit

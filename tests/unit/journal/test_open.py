@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from support.journals import begin, fill, record
+from support.journal_records import begin, fill, record
 from zengrid.errors import JournalError
 from zengrid.journal import Journal
 from zengrid.journal.audit import audit

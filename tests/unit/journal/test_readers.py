@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable
 from itertools import pairwise
 
-from support.journals import begin, changed, record, roster
+from support.journal_records import begin, changed, record, roster
 from zengrid.journal import Journal, RunView
 from zengrid.journal.audit import audit
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from support.journals import begin, record, roster
+from support.journal_records import begin, record, roster
 from zengrid.errors import JournalError
 from zengrid.journal import Journal, Roster, RunView
 from zengrid.journal.audit import audit

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from support.journals import begin, changed, differences, record, roster
+from support.journal_records import begin, changed, differences, record, roster
 from zengrid.errors import JournalError
 from zengrid.journal import Journal, Roster, SlotRecord
 from zengrid.journal.columns import COUNTS, FACILITY_ARRAYS, FIGURES, HOME_ARRAYS

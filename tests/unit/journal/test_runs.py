@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from support.journals import begin, differences, fill, record, records, roster
+from support.journal_records import begin, differences, fill, record, records, roster
 from zengrid.errors import JournalError
 from zengrid.journal import Journal
 
@@ -107,7 +107,7 @@ def test_slots_follow_one_another(journal: Journal) -> None:
 
 
 def test_a_slot_of_a_day_is_settled_once(journal: Journal) -> None:
-    from support.journals import changed
+    from support.journal_records import changed
 
     run = begin(journal)
     fill(run, homes=2, count=3)

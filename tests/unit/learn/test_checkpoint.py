@@ -21,7 +21,7 @@ pytest.importorskip("torch", reason="extra learn is not installed")
 
 import torch
 
-from support.policies import PAPER
+from support.policy_days import PAPER
 from zengrid.env.facts import market_facts
 from zengrid.errors import PolicyError
 from zengrid.learn.checkpoint import NumpyGenerator

@@ -16,7 +16,7 @@ pytest.importorskip("torch", reason="extra learn is not installed")
 
 import torch
 
-from support.policies import PAPER
+from support.policy_days import PAPER
 from zengrid.core.baselines import conventional
 from zengrid.env.facts import market_facts
 from zengrid.env.vector import VectorMarket

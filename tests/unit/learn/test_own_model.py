@@ -9,7 +9,7 @@ pytest.importorskip("torch", reason="extra learn is not installed")
 
 import torch
 
-from support.markets import seeded
+from support.random_slots import seeded
 from zengrid.core.levels import level_commands
 from zengrid.core.observe import observe_prosumers
 from zengrid.core.settle import settle

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from safetensors import safe_open
 from safetensors.numpy import save_file
 
-from support.policies import PAPER, facts, grid_view, play
+from support.policy_days import PAPER, facts, grid_view, play
 from zengrid.core.observe import ObservationKind, grid_features, prosumer_features
 from zengrid.errors import PolicyError
 from zengrid.policy.file import Activation, Layer, PolicyFile, Role

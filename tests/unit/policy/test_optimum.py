@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from support.policies import PAPER, facts, play
+from support.policy_days import PAPER, facts, play
 from zengrid.core.bounds import best_response
 from zengrid.errors import PolicyError
 from zengrid.policy.optimum import Options, foresight_of, make_optimum

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from support.policies import PAPER, facts, grid_view, play
+from support.policy_days import PAPER, facts, grid_view, play
 from zengrid.errors import PolicyError
 from zengrid.policy.prices import price_schedule
 from zengrid.policy.registry import make_grid_policy, make_prosumer_policy, prosumer_policy_files

@@ -15,7 +15,7 @@ from hypothesis.extra import numpy as hnp
 
 from zengrid.errors import WireError
 from zengrid.wire.codec import BINARY, JSON, decode, encode, encode_fields, read, read_checked
-from zengrid.wire.requests import JoinRequest
+from zengrid.wire.queries import JoinRequest
 from zengrid.wire.slot_structs import FleetActionStruct, FleetObservationStruct, FleetSettledStruct
 from zengrid.wire.slots import FleetAction, FleetObservation, FleetSettled, GridAction
 

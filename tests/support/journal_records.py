@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from support.markets import Slot, seeded
+from support.random_slots import Slot, seeded
 from zengrid.core.baselines import conventional
 from zengrid.core.settle import settle
 from zengrid.core.state import Action

@@ -1,4 +1,4 @@
-"""An agent's side of the bus: observations in, actions out, presence, and questions about its policy."""
+"""An agent's side of the bus: receives observations, sends actions, shows its presence, answers policy queries."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from typing import NamedTuple, Self
 import zenoh
 from zenoh import handlers
 
-from zengrid.bus.client import ask
 from zengrid.bus.credentials import Credentials
-from zengrid.bus.keys import Keys
-from zengrid.bus.session import DEFAULT_ENDPOINT, open_client
+from zengrid.bus.keys import KeyExpressions
+from zengrid.bus.market_client import ask
+from zengrid.bus.zenoh_session import DEFAULT_ENDPOINT, open_client
 from zengrid.errors import BusError, RefusedError, ZengridError
 from zengrid.wire.codec import BINARY, JSON, decode, encode
-from zengrid.wire.requests import (
+from zengrid.wire.queries import (
     JoinReply,
     JoinRequest,
     LeaveReply,
@@ -33,16 +33,15 @@ from zengrid.wire.requests import (
 
 ATTEMPT_S = 2.0
 RETRY_S = 0.1
-"""Longest wait for an answer to one question to join, and the pause before the next."""
+"""Longest wait for the reply to one attempt to join, and the pause before the next attempt. [s]"""
 BACKLOG = 64
-"""Observations kept for an agent that is slower than the market; the oldest wait, Zenoh holds back the rest."""
-
+"""Observations queued for an agent that is slower than the market; when the queue is full, Zenoh blocks the clock."""
 
 _ENCODINGS = {name: zenoh.Encoding(name) for name in (JSON, BINARY)}
 
 
-class Arrival(NamedTuple):
-    """An observation as it came, in the encoding that this agent joined with."""
+class ReceivedObservation(NamedTuple):
+    """The bytes of an observation, in the encoding that this agent joined with."""
 
     payload: bytes
     encoding: str
@@ -51,7 +50,16 @@ class Arrival(NamedTuple):
 class AgentLink:
     """One agent's session. Use it with ``with``; call ``join`` and ``ready``, then ``receive`` and ``act`` in turn.
 
-    With ``certs``, a folder of certificates, it shows the one that has the agent's name.
+    Parameters
+    ----------
+    agent:
+        Name of the agent.
+    run, endpoint:
+        The market's run, and where its clock listens.
+    certs:
+        Folder of certificates; the session uses the certificate with the agent's name.
+    timeout_s:
+        Longest wait until the clock can be reached. [s]
     """
 
     def __init__(
@@ -64,7 +72,7 @@ class AgentLink:
         timeout_s: float = 30.0,
     ) -> None:
         self.agent = agent
-        self.keys = Keys(run)
+        self.keys = KeyExpressions(run)
         self.timeout_s = timeout_s
         self._encoding = JSON
         self._session = open_client(
@@ -87,9 +95,16 @@ class AgentLink:
         self._session.close()
 
     def join(self, request: JoinRequest, timeout_s: float = 10.0) -> JoinReply:
-        """Take part; raises RefusedError with the clock's reason. Joining again with the same instance is harmless.
+        """Join the market. Joining again with the same instance changes nothing.
 
         With ``unclaimed`` this link acts for the agent that the reply names.
+
+        Raises
+        ------
+        RefusedError
+            With the clock's reason.
+        BusError
+            If the clock does not reply in time.
         """
         self._await_clock()
         self._encoding = BINARY if request.encoding == "binary" else JSON
@@ -99,8 +114,8 @@ class AgentLink:
                 market = ask(self._session, self.keys.join(self.agent), request, JoinReply, ATTEMPT_S)
                 break
             except (BusError, RefusedError) as error:
-                # After a link was lost the clock's token can be back before its questions are; and a clock that is busy
-                # says so. In both cases ask again.
+                # After a lost link the clock's token can be back before its queryables, and a busy clock refuses with
+                # "unavailable". Try again in both cases.
                 if time.monotonic() > until or (isinstance(error, RefusedError) and error.reason != "unavailable"):
                     raise
                 self._closed.wait(RETRY_S)
@@ -108,56 +123,55 @@ class AgentLink:
         return market
 
     def _await_clock(self) -> None:
-        """Wait for the clock's token: a clock listens for a while before it answers, and asking then finds nobody."""
-        answers = threading.Event()
+        """Wait for the clock's token: a clock listens for a while before it answers queries."""
+        ready = threading.Event()
 
         def changed(sample: zenoh.Sample) -> None:
             if sample.kind == zenoh.SampleKind.PUT:
-                answers.set()
+                ready.set()
 
         watching = self._session.liveliness().declare_subscriber(
             self.keys.clock_alive, handlers.Callback(changed, indirect=False), history=True
         )
-        if not answers.wait(self.timeout_s):
+        if not ready.wait(self.timeout_s):
             raise BusError(f"run = {self.keys.run}: its clock is not ready after {self.timeout_s:g} s")
         watching.undeclare()
 
-    def ready(self, answer: Callable[[Arrival], None] | None = None) -> None:
-        """Show that this agent answers from now on: the last thing to do before observations come.
+    def ready(self, answer: Callable[[ReceivedObservation], None] | None = None) -> None:
+        """Subscribe to observations and declare this agent's token: from now on the clock waits for its actions.
 
         Parameters
         ----------
         answer:
-            Called for every observation, on Zenoh's own thread: an observation comes and its action leaves without two
-            changes of thread. It must be done within a moment and raise nothing. All that it may call of this link is
-            ``act``, with less than a batch (64 KiB): more would wait there for that very thread. Without ``answer``,
-            ``receive`` waits for observations.
+            Called for every observation on Zenoh's own thread, which saves two changes of thread per slot. It must
+            return quickly and raise nothing. Of this link it may call only ``act``, with less than a batch (64 KiB):
+            a larger action would wait there for that very thread. Without ``answer``, call ``receive``.
         """
         if self._token is not None:
             return
         self._action = self._session.declare_publisher(
             self.keys.action(self.agent), congestion_control=zenoh.CongestionControl.BLOCK, express=True
         )
-        # The subscriber stands before the token says that this agent is ready: no first observation is lost.
+        # Subscribe before the token says that this agent is ready, so that the first observation is not lost.
         key = self.keys.observation(self.agent)
         if answer is None:
             self._observations = self._session.declare_subscriber(key, handlers.FifoChannel(BACKLOG))
         else:
-            self._answered = self._session.declare_subscriber(key, self._prompt(answer))
+            self._answered = self._session.declare_subscriber(key, self._answer_callback(answer))
         self._token = self._session.liveliness().declare_token(self.keys.alive(self.agent))
 
-    def _prompt(self, answer: Callable[[Arrival], None]) -> handlers.Callback[zenoh.Sample]:
-        at_home: set[int] = set()
+    def _answer_callback(self, answer: Callable[[ReceivedObservation], None]) -> handlers.Callback[zenoh.Sample]:
+        prepared_threads: set[int] = set()
 
-        def arrived(sample: zenoh.Sample) -> None:
+        def on_observation(sample: zenoh.Sample) -> None:
             thread = threading.get_ident()
-            if thread not in at_home:
-                # Zenoh's thread is given a Python state for every call, and loses it again, unless it holds one.
+            if thread not in prepared_threads:
+                # Otherwise Zenoh's thread gets a new Python thread state for every call and loses it afterwards.
                 ctypes.pythonapi.PyGILState_Ensure()
-                at_home.add(thread)
-            answer(Arrival(sample.payload.to_bytes(), self._encoding))
+                prepared_threads.add(thread)
+            answer(ReceivedObservation(sample.payload.to_bytes(), self._encoding))
 
-        return handlers.Callback(arrived, indirect=False)
+        return handlers.Callback(on_observation, indirect=False)
 
     def scenario(self, timeout_s: float = 10.0) -> str:
         """The scenario that the market plays, as YAML."""
@@ -168,25 +182,25 @@ class AgentLink:
         request = LeaveRequest(agent=self.agent, instance=instance)
         return ask(self._session, self.keys.leave(self.agent), request, LeaveReply, timeout_s)
 
-    def receive(self) -> Arrival | None:
-        """Wait for an observation; None when the link was closed."""
+    def receive(self) -> ReceivedObservation | None:
+        """Wait for an observation; None once the link is closed."""
         try:
             sample = self._observations.recv()
         except zenoh.ZError:
             return None
-        return Arrival(sample.payload.to_bytes(), self._encoding)
+        return ReceivedObservation(sample.payload.to_bytes(), self._encoding)
 
-    def pending(self) -> Arrival | None:
-        """An observation that is there already, or None."""
+    def pending(self) -> ReceivedObservation | None:
+        """The next observation if one has already arrived, else None; does not wait."""
         sample = self._observations.try_recv()
-        return None if sample is None else Arrival(sample.payload.to_bytes(), self._encoding)
+        return None if sample is None else ReceivedObservation(sample.payload.to_bytes(), self._encoding)
 
     def act(self, payload: bytes, encoding: str) -> None:
         """Send the action."""
         self._action.put(payload, encoding=_ENCODINGS[encoding])
 
     def watch_clock(self, on_change: Callable[[bool], None]) -> None:
-        """Call back, in a thread of its own, when the clock comes (True) or goes (False)."""
+        """Call ``on_change`` in its own thread when the clock appears (True) or vanishes (False)."""
 
         def changed(sample: zenoh.Sample) -> None:
             on_change(sample.kind == zenoh.SampleKind.PUT)
@@ -194,7 +208,7 @@ class AgentLink:
         self._clock = self._session.liveliness().declare_subscriber(self.keys.clock_alive, changed, history=True)
 
     def serve_policy(self, answer: Callable[[PolicyRequest], PolicyReply]) -> None:
-        """Answer what the policy would do, in a thread of its own."""
+        """Answer policy queries in their own thread."""
 
         def on_query(query: zenoh.Query) -> None:
             with query:
@@ -203,7 +217,7 @@ class AgentLink:
                     query.reply(query.key_expr, encode(answer(request)), encoding=JSON)
                 except ZengridError as error:
                     query.reply_err(encode(Refusal(reason="invalid", message=str(error))), encoding=JSON)
-                except Exception as error:  # noqa: BLE001 - the asker must get an answer, whatever went wrong
+                except Exception as error:  # noqa: BLE001 - every query must get a reply
                     message = f"{type(error).__name__}: {error}"
                     query.reply_err(encode(Refusal(reason="unavailable", message=message)), encoding=JSON)
 

@@ -1,4 +1,4 @@
-"""A spawner's side of the bus: questions, and the presence of the agents that it started."""
+"""A spawner's side of the bus: queries from operators, and the presence of agents."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ import zenoh
 from zenoh import handlers
 
 from zengrid.bus.credentials import Credentials
-from zengrid.bus.hub import Query
-from zengrid.bus.keys import Keys, agent_of
-from zengrid.bus.session import DEFAULT_ENDPOINT, open_client
+from zengrid.bus.keys import KeyExpressions, agent_of
+from zengrid.bus.pending_query import PendingQuery
+from zengrid.bus.zenoh_session import DEFAULT_ENDPOINT, open_client
 
 SpawnerEventKind = Literal["spawn", "stop", "status", "alive", "gone"]
 
 
 class SpawnerEvent(NamedTuple):
-    """A question, or an agent (``clock`` included) that came or went."""
+    """A query, or an agent (``clock`` included) that appeared or vanished."""
 
     kind: SpawnerEventKind
     agent: str
-    query: Query | None
+    query: PendingQuery | None
 
 
 class SpawnerLink:
@@ -32,9 +32,15 @@ class SpawnerLink:
     Parameters
     ----------
     name:
-        Of the spawner, and of its certificate in the folder ``certs`` where one is given.
+        Name of the spawner, and of its certificate.
+    run, endpoint:
+        The market's run, and where its clock listens.
     on_event:
-        Told everything, on Zenoh's own threads: it may only hand over.
+        Called for each event on Zenoh's own threads; it must only put the event into a queue.
+    certs:
+        Folder of certificates, if the market uses them.
+    timeout_s:
+        Longest wait until the clock can be reached. [s]
     """
 
     def __init__(
@@ -47,16 +53,16 @@ class SpawnerLink:
         certs: Path | None = None,
         timeout_s: float = 30.0,
     ) -> None:
-        keys = Keys(run)
+        keys = KeyExpressions(run)
         self._session = open_client(
             endpoint, credentials=None if certs is None else Credentials(certs, name), timeout_s=timeout_s
         )
 
-        def ask(kind: Literal["spawn", "stop", "status"]) -> zenoh.Queryable[None]:
+        def serve(kind: Literal["spawn", "stop", "status"]) -> zenoh.Queryable[None]:
             key = keys.spawner(name, kind)
 
             def on_query(query: zenoh.Query) -> None:
-                on_event(SpawnerEvent(kind, "", Query(query, key)))
+                on_event(SpawnerEvent(kind, "", PendingQuery(query, key)))
 
             return self._session.declare_queryable(key, handlers.Callback(on_query, indirect=False))
 
@@ -69,9 +75,9 @@ class SpawnerLink:
                 self._session.liveliness().declare_subscriber(
                     keys.anyone_alive, handlers.Callback(changed, indirect=False), history=True
                 ),
-                ask("spawn"),
-                ask("stop"),
-                ask("status"),
+                serve("spawn"),
+                serve("stop"),
+                serve("status"),
             ]
         except BaseException:
             self._session.close()

@@ -1,8 +1,8 @@
-"""Keeps links that are given up from stopping the whole bus.
+"""Disables SO_LINGER on Zenoh's links, so that closing one link cannot block all others.
 
-Zenoh 1.10 sets SO_LINGER to 10 s on every TCP socket. Closing the link of a process that does not read any more then
+Zenoh 1.10 sets SO_LINGER to 10 s on every TCP socket. Closing the link of a process that has stopped reading then
 blocks one of the few threads that serve all links, for up to 10 s (eclipse-zenoh/zenoh#2350, tokio-rs/tokio#7751): two
-stopped viewers were enough to stop a market. Without the option the kernel delivers what is left by itself.
+stopped viewers were enough to stop a market. Without the option, the kernel delivers the remaining data by itself.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from zenoh import handlers
 _NO_LINGER = struct.pack("ii", 0, 0)
 
 
-def never_linger(session: zenoh.Session) -> zenoh.LinkEventsListener[None]:
-    """Switch SO_LINGER off for each link as soon as it stands; keep what is returned for as long as the session."""
+def disable_so_linger(session: zenoh.Session) -> zenoh.LinkEventsListener[None]:
+    """Disable SO_LINGER for each link as soon as it is up; keep the returned listener as long as the session."""
 
     def changed(event: zenoh.LinkEvent) -> None:
         if event.kind == zenoh.SampleKind.PUT:

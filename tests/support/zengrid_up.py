@@ -12,10 +12,10 @@ from typing import Self
 
 import psutil
 
-from zengrid.bus.client import Client
+from zengrid.bus.market_client import MarketClient
 from zengrid.errors import ZengridError
 from zengrid.testing import Process, free_endpoint
-from zengrid.wire.requests import Status
+from zengrid.wire.queries import Status
 
 DEADLINE_S = 30.0
 
@@ -89,13 +89,13 @@ class Up:
         self.until(there, f"{title} other than {not_pid}")
         return found[0]
 
-    def client(self) -> Client:
+    def client(self) -> MarketClient:
         """A session to ask the clock; the market is running when this returns."""
-        client = Client("main", self.endpoint, timeout_s=DEADLINE_S)
+        client = MarketClient("main", self.endpoint, timeout_s=DEADLINE_S)
         self.status(client, lambda status: status.state == "running" and status.last is not None)
         return client
 
-    def status(self, client: Client, wanted: Callable[[Status], bool]) -> Status:
+    def status(self, client: MarketClient, wanted: Callable[[Status], bool]) -> Status:
         """Wait for a state of the market, also while its clock is away."""
         found: list[Status] = []
 

@@ -73,9 +73,9 @@ def open_clock(
         )
     guarded: dict[str, Any] = {}
     if credentials is not None:
-        from zengrid.bus.access import Names, limits  # two megabytes, and only the clock has a list
+        from zengrid.bus.access_list import AccessList, limits  # two megabytes, and only the clock has a list
 
-        guarded = {**credentials.settings(), **limits(Names.load(credentials.folder), run)}
+        guarded = {**credentials.settings(), **limits(AccessList.load(credentials.folder), run)}
     return _open(
         {
             **guarded,

@@ -9,8 +9,8 @@ from collections import Counter
 
 import zenoh
 
-from zengrid.bus.hub import QUESTIONS_LIMIT, Hub
-from zengrid.bus.session import open_client
+from zengrid.bus.clock_link import QUERIES_LIMIT, ClockLink
+from zengrid.bus.zenoh_session import open_client
 from zengrid.testing import free_endpoint
 
 BEYOND = 50
@@ -19,7 +19,7 @@ PATIENCE_S = 60.0
 
 def test_questions_beyond_the_limit_are_refused_at_once_and_counted() -> None:
     endpoint = free_endpoint()
-    with Hub("main", endpoint) as hub, open_client(endpoint) as session:
+    with ClockLink("main", endpoint) as hub, open_client(endpoint) as session:
         answers: Counter[str] = Counter()
         refused, done = threading.Event(), threading.Event()
 
@@ -29,10 +29,10 @@ def test_questions_beyond_the_limit_are_refused_at_once_and_counted() -> None:
             answers[json.loads(said.payload.to_string())["reason"]] += 1
             if answers["unavailable"] == BEYOND:
                 refused.set()
-            if answers.total() == QUESTIONS_LIMIT + BEYOND:
+            if answers.total() == QUERIES_LIMIT + BEYOND:
                 done.set()
 
-        for _ in range(QUESTIONS_LIMIT + BEYOND):
+        for _ in range(QUERIES_LIMIT + BEYOND):
             session.get(
                 hub.keys.join("p1"),
                 zenoh.handlers.Callback(answered, indirect=False),
@@ -48,7 +48,7 @@ def test_questions_beyond_the_limit_are_refused_at_once_and_counted() -> None:
         token = session.liveliness().declare_token(hub.keys.alive("p1"))
         kinds: Counter[str] = Counter()
         until = time.monotonic() + PATIENCE_S
-        while not (kinds["alive"] and kinds["join"] == QUESTIONS_LIMIT):
+        while not (kinds["alive"] and kinds["join"] == QUERIES_LIMIT):
             assert time.monotonic() < until, kinds
             event = hub.receive(1.0)
             if event is None:
@@ -58,5 +58,5 @@ def test_questions_beyond_the_limit_are_refused_at_once_and_counted() -> None:
                 event.query.refuse("unknown", "tried")
         token.undeclare()
         assert done.wait(PATIENCE_S), answers
-        assert answers == {"unavailable": BEYOND, "unknown": QUESTIONS_LIMIT}
+        assert answers == {"unavailable": BEYOND, "unknown": QUERIES_LIMIT}
         assert hub.overflowed == {"join_overflow": BEYOND}

@@ -1,4 +1,4 @@
-"""Operators and viewers: ask the clock and the agents, follow the market. They take no part in it."""
+"""The side of operators and viewers: query the clock, agents and spawners, and follow the market."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import Literal, Self, TypeVar
 import zenoh
 
 from zengrid.bus.credentials import OPERATOR, Credentials
-from zengrid.bus.keys import Keys, agent_of
-from zengrid.bus.session import DEFAULT_ENDPOINT, open_client
+from zengrid.bus.keys import KeyExpressions, agent_of
+from zengrid.bus.zenoh_session import DEFAULT_ENDPOINT, open_client
 from zengrid.errors import BusError, RefusedError
 from zengrid.wire.base import Message
 from zengrid.wire.codec import JSON, decode, encode
-from zengrid.wire.requests import (
+from zengrid.wire.queries import (
     ControlRequest,
     HistoryReply,
     HistoryRequest,
@@ -27,22 +27,29 @@ from zengrid.wire.requests import (
     Status,
 )
 from zengrid.wire.slots import PublicSlot
-from zengrid.wire.spawner import ProcessStatus, SpawnerRequest, SpawnerStatus, SpawnRequest, StopReply, StopRequest
+from zengrid.wire.spawner_queries import (
+    ProcessStatus,
+    SpawnerRequest,
+    SpawnerStatus,
+    SpawnRequest,
+    StopReply,
+    StopRequest,
+)
 
 M = TypeVar("M", bound=Message)
 SPAWN_S = 20.0
-"""Longest wait for a process to start or end; its spawner answers before."""
+"""Longest wait until a process has started or ended; its spawner replies before that. [s]"""
 
 
 def ask(session: zenoh.Session, key: str, message: Message, kind: type[M], timeout_s: float) -> M:
-    """Ask whoever answers on a key.
+    """Send a query to a key and return the reply.
 
     Raises
     ------
     RefusedError
-        With the reason the other side gave.
+        If the other side refuses, with its reason.
     BusError
-        Where nobody answers within the time.
+        If nobody replies in time.
     """
     replies = session.get(key, payload=encode(message), encoding=JSON, timeout=timeout_s)
     for reply in replies:
@@ -51,15 +58,15 @@ def ask(session: zenoh.Session, key: str, message: Message, kind: type[M], timeo
         if reply.err is not None:
             refusal = reply.err.payload.to_bytes()
             if refusal.startswith(b"{"):
-                no = decode(Refusal, refusal)
-                raise RefusedError(no.message, no.reason)
+                refused = decode(Refusal, refusal)
+                raise RefusedError(refused.message, refused.reason)
     raise BusError(f"{key}: nobody answered within {timeout_s:g} s")
 
 
-class Client:
-    """A session that watches and steers. Use it with ``with``.
+class MarketClient:
+    """A session that follows and controls a market without taking part. Use it with ``with``.
 
-    With ``certs``, a folder of certificates, it shows the one called ``name``.
+    With ``certs``, a folder of certificates, it uses the certificate called ``name``.
     """
 
     def __init__(
@@ -71,7 +78,7 @@ class Client:
         name: str = OPERATOR,
         timeout_s: float = 5.0,
     ) -> None:
-        self.keys = Keys(run)
+        self.keys = KeyExpressions(run)
         self.timeout_s = timeout_s
         credentials = None if certs is None else Credentials(certs, name)
         self.session = open_client(endpoint, credentials=credentials, timeout_s=timeout_s)
@@ -92,12 +99,12 @@ class Client:
         speed: float | None = None,
         homes: bool = True,
     ) -> Status:
-        """Steer the market, or (``status``) only look."""
+        """Send a control command and return the market's status; ``status`` only reads it."""
         request = ControlRequest(command=command, slots=slots, speed=speed, homes=homes)
         return ask(self.session, self.keys.control, request, Status, self.timeout_s)
 
     def history(self, since: int = 0, limit: int = 100, *, homes: bool = False) -> HistoryReply:
-        """Settled slots from a position on."""
+        """Up to ``limit`` settled slots from a journal position on."""
         request = HistoryRequest(since=since, limit=limit, homes=homes)
         return ask(self.session, self.keys.history, request, HistoryReply, self.timeout_s)
 
@@ -106,11 +113,11 @@ class Client:
         return ask(self.session, self.keys.scenario, ScenarioRequest(), ScenarioReply, self.timeout_s).yaml
 
     def ask_policy(self, agent: str, request: PolicyRequest) -> PolicyReply:
-        """What an agent would do."""
+        """Ask an agent what its policy would do."""
         return ask(self.session, self.keys.policy(agent), request, PolicyReply, self.timeout_s)
 
     def spawners(self) -> list[SpawnerStatus]:
-        """Every spawner of this market and its processes, by name."""
+        """All spawners of this market with their processes, sorted by name."""
         replies = self.session.get(
             self.keys.spawner("*", "status"),
             payload=encode(SpawnerRequest()),
@@ -123,11 +130,11 @@ class Client:
         return sorted(found, key=lambda each: each.spawner)
 
     def spawn(self, spawner: str, request: SpawnRequest) -> ProcessStatus:
-        """Have a prosumer process started; returns once it takes part in the market."""
+        """Start a prosumer process; returns once it takes part in the market."""
         return ask(self.session, self.keys.spawner(spawner, "spawn"), request, ProcessStatus, SPAWN_S)
 
     def stop_process(self, spawner: str, request: StopRequest) -> StopReply:
-        """Have a prosumer process ended; returns once it has left."""
+        """End a prosumer process; returns once it has left."""
         return ask(self.session, self.keys.spawner(spawner, "stop"), request, StopReply, SPAWN_S)
 
     def latest(self) -> PublicSlot | None:
@@ -138,7 +145,7 @@ class Client:
         return None
 
     def follow(self, on_slot: Callable[[bytes], None]) -> zenoh.ext.AdvancedSubscriber[None]:
-        """Call back, in a thread of its own, with each settled slot as JSON, the latest at once."""
+        """Call ``on_slot`` in its own thread with each settled slot as JSON, starting with the latest."""
         return zenoh.ext.declare_advanced_subscriber(
             self.session,
             self.keys.slot,
@@ -147,7 +154,7 @@ class Client:
         )
 
     def watch(self, on_change: Callable[[str, bool], None]) -> zenoh.Subscriber[None]:
-        """Call back, in a thread of its own, when the clock (``clock``) or an agent comes or goes."""
+        """Call ``on_change`` in its own thread when an agent or the clock (``clock``) appears (True) or vanishes."""
 
         def changed(sample: zenoh.Sample) -> None:
             on_change(agent_of(str(sample.key_expr)), sample.kind == zenoh.SampleKind.PUT)

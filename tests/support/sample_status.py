@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from zengrid.wire.requests import AgentStatus, Histogram, HomesStatus, Latency, Status, Totals
+from zengrid.wire.queries import AgentStatus, Histogram, HomesStatus, Latency, Status, Totals
 from zengrid.wire.slots import SettledSlot
 
 

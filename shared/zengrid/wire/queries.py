@@ -36,7 +36,7 @@ class JoinRequest(Message):
     unclaimed: bool = Field(
         default=False,
         description="Play any unclaimed agent of the scenario, that is one without a process. If there is none, bring "
-        "`homes` (at most one) under the name `agent`, with a number appended if it is taken. The reply gives the name.",
+        "`homes` (at most one) under the name `agent`, with a number appended if that is taken. The reply says which.",
     )
     observation: Literal["paper", "public"] = "public"
     encoding: Literal["json", "binary"] = "json"

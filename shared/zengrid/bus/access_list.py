@@ -15,7 +15,7 @@ from typing import Any, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from zengrid.bus.credentials import AUTHORITY, CLOCK, GATEWAY, OPERATOR, ROUTER
-from zengrid.bus.keys import Keys
+from zengrid.bus.keys import KeyExpressions
 from zengrid.errors import SecurityError
 from zengrid.validation import first_error
 from zengrid.wire.base import AgentId
@@ -46,7 +46,7 @@ only operators may ask are not limited here: the clock's queue has an end of its
 Rule = dict[str, Any]
 
 
-class Names(BaseModel):
+class AccessList(BaseModel):
     """Whom the clock knows: ``access.json`` in the folder of certificates."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
@@ -89,7 +89,7 @@ class Names(BaseModel):
         return 64 + 2 * (len(self.agents) + len(self.spawners)) + 16 * len(self.operators)
 
 
-def write_router(folder: Path, names: Names, run: str, clock: str, listen: str = "tls/[::]:7447") -> Path:
+def write_router(folder: Path, names: AccessList, run: str, clock: str, listen: str = "tls/[::]:7447") -> Path:
     """Write a router's configuration: it applies the same list to its own neighbours. Returns the file."""
     tls = {
         "enable_mtls": True, "root_ca_certificate": f"{AUTHORITY}.pem", "close_link_on_expiration": True,
@@ -112,9 +112,9 @@ def write_router(folder: Path, names: Names, run: str, clock: str, listen: str =
     return path
 
 
-def limits(names: Names, run: str) -> dict[str, Any]:
+def limits(names: AccessList, run: str) -> dict[str, Any]:
     """Zenoh's settings for the node that everybody connects to: who may do what, how much, and how often."""
-    keys = Keys(run)
+    keys = KeyExpressions(run)
     questions = [keys.control, keys.history, keys.scenario, keys.leave("*")]
     return {
         "access_control": access_control(names, run),
@@ -133,9 +133,9 @@ def limits(names: Names, run: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def access_control(names: Names, run: str) -> dict[str, Any]:
+def access_control(names: AccessList, run: str) -> dict[str, Any]:
     """Zenoh's ``access_control`` for a run: by default nothing, and for each name what it needs."""
-    keys = Keys(run)
+    keys = KeyExpressions(run)
     known = [(name, _agent(keys, name)) for name in names.agents]
     known += [(name, _spawner(keys, name)) for name in names.spawners]
     known += [(name, _operator(keys)) for name in names.operators]
@@ -156,7 +156,7 @@ def access_control(names: Names, run: str) -> dict[str, Any]:
     }
 
 
-def _public(keys: Keys) -> Iterator[Rule]:
+def _public(keys: KeyExpressions) -> Iterator[Rule]:
     """What all may see: the settled slots, and whether the clock is there."""
     slot = (keys.slot, f"{keys.slot}/@adv/**")
     yield _in((*READ, "query", *SEE), *slot)
@@ -165,7 +165,7 @@ def _public(keys: Keys) -> Iterator[Rule]:
     yield _out(("liveliness_token",), keys.clock_alive)
 
 
-def _agent(keys: Keys, name: str) -> Iterator[Rule]:
+def _agent(keys: KeyExpressions, name: str) -> Iterator[Rule]:
     yield from _public(keys)
     yield _in(READ, keys.observation(name))
     yield _out(("put",), keys.observation(name))
@@ -178,14 +178,14 @@ def _agent(keys: Keys, name: str) -> Iterator[Rule]:
     yield _out(("declare_queryable",), keys.join("*"), keys.leave("*"))
 
 
-def _operator(keys: Keys) -> Iterator[Rule]:
+def _operator(keys: KeyExpressions) -> Iterator[Rule]:
     yield from _public(keys)
     yield from _sees_everyone(keys)
     spawners = [keys.spawner("*", "spawn"), keys.spawner("*", "stop"), keys.spawner("*", "status")]
     yield from _asks(keys.control, keys.history, keys.scenario, keys.policy("*"), *spawners)
 
 
-def _spawner(keys: Keys, name: str) -> Iterator[Rule]:
+def _spawner(keys: KeyExpressions, name: str) -> Iterator[Rule]:
     yield from _public(keys)
     yield from _sees_everyone(keys)
     mine = [keys.spawner(name, "spawn"), keys.spawner(name, "stop"), keys.spawner(name, "status")]
@@ -193,12 +193,12 @@ def _spawner(keys: Keys, name: str) -> Iterator[Rule]:
     yield _out(("query",), *mine, keys.spawner("*", "status"))
 
 
-def _sees_everyone(keys: Keys) -> Iterator[Rule]:
+def _sees_everyone(keys: KeyExpressions) -> Iterator[Rule]:
     yield _in(SEE, keys.anyone_alive)
     yield _out(("liveliness_token",), keys.anyone_alive)
 
 
-def _all(keys: Keys) -> Iterator[Rule]:
+def _all(keys: KeyExpressions) -> Iterator[Rule]:
     yield _in(EVERYTHING, f"{keys.base}/**")
     yield _out(EVERYTHING, f"{keys.base}/**")
 

@@ -1,6 +1,6 @@
 """JSON Schema files and an AsyncAPI document, generated from the messages.
 
-``python -m zengrid.wire.schema docs/protocol`` writes them; a test checks that they are fresh.
+``make schemas`` writes them into ``docs/protocol``; a test checks that they are up to date.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from zengrid.wire import requests, slots, spawner
+from zengrid.wire import queries, slots, spawner_queries
 from zengrid.wire.base import Message
 from zengrid.wire.codec import JSON
 
@@ -43,59 +43,59 @@ CHANNELS = (
         "policy",
         "agent/{id}/policy",
         "Anyone asks an agent what it would do.",
-        (requests.PolicyRequest,),
-        (requests.PolicyReply,),
+        (queries.PolicyRequest,),
+        (queries.PolicyReply,),
     ),
     Channel(
         "join",
         "clock/join/{id}",
         "A process asks to play an agent, with or without new homes.",
-        (requests.JoinRequest,),
-        (requests.JoinReply,),
+        (queries.JoinRequest,),
+        (queries.JoinReply,),
     ),
     Channel(
         "leave",
         "clock/leave/{id}",
         "A process takes its homes out.",
-        (requests.LeaveRequest,),
-        (requests.LeaveReply,),
+        (queries.LeaveRequest,),
+        (queries.LeaveReply,),
     ),
-    Channel("control", "clock/control", "Operators steer the market.", (requests.ControlRequest,), (requests.Status,)),
+    Channel("control", "clock/control", "Operators steer the market.", (queries.ControlRequest,), (queries.Status,)),
     Channel(
         "history",
         "clock/history",
         "Operators read settled slots.",
-        (requests.HistoryRequest,),
-        (requests.HistoryReply,),
+        (queries.HistoryRequest,),
+        (queries.HistoryReply,),
     ),
     Channel(
         "scenario",
         "clock/scenario",
         "Operators read what the market plays.",
-        (requests.ScenarioRequest,),
-        (requests.ScenarioReply,),
+        (queries.ScenarioRequest,),
+        (queries.ScenarioReply,),
     ),
     Channel(
         "spawn",
         "spawner/{id}/spawn",
         "The gateway has a prosumer process started.",
-        (spawner.SpawnRequest,),
-        (spawner.ProcessStatus,),
+        (spawner_queries.SpawnRequest,),
+        (spawner_queries.ProcessStatus,),
     ),
-    Channel("stop", "spawner/{id}/stop", "And ended.", (spawner.StopRequest,), (spawner.StopReply,)),
+    Channel("stop", "spawner/{id}/stop", "And ended.", (spawner_queries.StopRequest,), (spawner_queries.StopReply,)),
     Channel(
         "spawner",
         "spawner/{id}/status",
         "A spawner tells how it stands; asked with `*` for an id, all do.",
-        (spawner.SpawnerRequest,),
-        (spawner.SpawnerStatus,),
+        (spawner_queries.SpawnerRequest,),
+        (spawner_queries.SpawnerStatus,),
     ),
 )
 """Every channel with its messages. Queries may be refused with a `Refusal` as Zenoh error reply."""
 
 MESSAGES: tuple[type[Message], ...] = (
     *(kind for channel in CHANNELS for kind in (*channel.messages, *channel.replies)),
-    requests.Refusal,
+    queries.Refusal,
 )
 
 

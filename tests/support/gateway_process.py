@@ -11,7 +11,7 @@ from typing import Any
 
 import httpx
 
-from zengrid.testing import Market, Process, free_port
+from zengrid.testing import Process, RunningMarket, free_port
 
 START_S = 60.0
 """Longest wait for what comes within a second where nothing else runs."""
@@ -20,7 +20,7 @@ START_S = 60.0
 class Gateway:
     """A running gateway. ``http`` asks it."""
 
-    def __init__(self, market: Market, *options: str) -> None:
+    def __init__(self, market: RunningMarket, *options: str) -> None:
         self.market = market
         self.port = free_port()
         self.url = f"http://127.0.0.1:{self.port}"
@@ -64,7 +64,7 @@ class Gateway:
 
 
 @contextmanager
-def gateway(market: Market, *options: str) -> Iterator[Gateway]:
+def gateway(market: RunningMarket, *options: str) -> Iterator[Gateway]:
     """A gateway that is ready."""
     it = Gateway(market, *options)
     with it.http:
@@ -77,7 +77,7 @@ def running(
     *clock_options: str, journal: bool = True, spawner: tuple[str, ...] = (), rest: str = "conventional"
 ) -> Iterator[Gateway]:
     """A whole market of the paper with its gateway and a spawner; all homes but the first play ``rest``."""
-    with Market("paper", clock_options) as market:
+    with RunningMarket("paper", clock_options) as market:
         market.start_agents("p1", grid_policy="tou:0.05,11:00=0.07,17:00=0.1")
         for agent in ("p2", "p3"):
             market.start_prosumer(agent, "--policy", rest)
@@ -88,7 +88,7 @@ def running(
             yield it
 
 
-def start_spawner(market: Market, *options: str) -> Process:
+def start_spawner(market: RunningMarket, *options: str) -> Process:
     """A spawner for this market."""
     where = ("--connect", market.endpoint, "--run", market.run, "--logs", str(market.folder / "spawner"))
     return market.start("spawner", sys.executable, "-m", "zengrid_spawner", *where, *options)

@@ -7,10 +7,10 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from zengrid.bus.agent import AgentLink
-from zengrid.testing import Market
+from zengrid.bus.agent_link import AgentLink
+from zengrid.testing import RunningMarket
 from zengrid.wire.codec import JSON, encode
-from zengrid.wire.requests import JoinRequest
+from zengrid.wire.queries import JoinRequest
 from zengrid.wire.slots import FleetAction
 
 INSTANCE = "fedcba9876543210"
@@ -19,7 +19,7 @@ INSTANCE = "fedcba9876543210"
 class Hand:
     """Sees what p1 sees, and says what it commands."""
 
-    def __init__(self, market: Market, link: AgentLink) -> None:
+    def __init__(self, market: RunningMarket, link: AgentLink) -> None:
         self._run = market.run
         self._link = link
 
@@ -35,7 +35,7 @@ class Hand:
 
 
 @contextmanager
-def playing_p1(market: Market) -> Iterator[Hand]:
+def playing_p1(market: RunningMarket) -> Iterator[Hand]:
     """Processes play all agents of a paused market but p1; everybody is ready."""
     market.start_agents("p2", "p3")
     with AgentLink("p1", market.run, market.endpoint) as link:
