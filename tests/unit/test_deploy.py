@@ -9,20 +9,17 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import kubernetes_validate
-import prometheus_client
 import pytest
 import yaml
 
-from support.sample_status import status
+from support.public_names import series_names
 from zengrid.bus.access_list import AccessList
 from zengrid.bus.certificates import hosts_of, read_certificate
 from zengrid.bus.credentials import Credentials
 from zengrid_cli.health import connected
-from zengrid_gateway.metrics import MarketCollector, Metrics
 
 ROOT = Path(__file__).parents[2]
 DEPLOY = ROOT / "deploy"
@@ -84,20 +81,7 @@ def test_the_board_and_the_alerts_ask_for_metrics_that_exist() -> None:
     asked += [rule["expr"] for group in alerts["groups"] for rule in group["rules"]]
     names = {name for text in asked for name in re.findall(r"\bzengrid_\w+", text)}
     assert len(names) > 15
-    assert names - existing_metrics() == set()
-
-
-def existing_metrics() -> set[str]:
-    """The names of all series that ``/metrics`` can have."""
-    feed = SimpleNamespace(present=True, latest=object(), latest_at=0.0)
-    link = cast("Any", SimpleNamespace(feed=feed, status=status()))
-    frames = cast("Any", SimpleNamespace(clients=0))
-    registry = prometheus_client.CollectorRegistry()
-    registry.register(MarketCollector(link, frames))
-    metrics = Metrics(link, frames)
-    metrics.answered("/v1/price", 200, 0.001)
-    text = prometheus_client.generate_latest(registry).decode() + metrics.text().decode()
-    return set(re.findall(r"^(\w+)", text, flags=re.MULTILINE)) | set(re.findall(r"# TYPE (\w+)", text))
+    assert names - series_names() == set()
 
 
 def test_prometheus_and_grafana_find_each_other() -> None:
