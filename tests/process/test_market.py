@@ -185,7 +185,7 @@ def test_only_the_clock_and_the_grid_have_their_names() -> None:
         for name in ("grid", "clock"):
             stranger = market.start_prosumer(name, "--pv", "1", "--battery", "1", name=f"false-{name}")
             assert stranger.end() == 1
-            assert "only it, is called grid" in stranger.said()
+            assert "only the grid agent is called grid" in stranger.said()
         market.wait_for_slots(5)
 
 
