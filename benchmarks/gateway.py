@@ -55,7 +55,7 @@ class Bench:
             except httpx.TransportError:
                 pass
             time.sleep(0.02)
-        raise SystemExit(f"the gateway did not start:\n{self.market.said()}")
+        raise SystemExit(f"the gateway did not start:\n{self.market.output()}")
 
     def slots_per_s(self, seconds: float) -> float:
         """Rate of the market over some time."""
@@ -162,7 +162,7 @@ def measure(seconds: float, minutes: float) -> dict[str, Any]:
         for client in clients:
             client.close()
         if results["price"]["errors"] or results["price_beside_50_stuck_streams"]["errors"]:
-            raise SystemExit(f"some answers were errors:\n{json.dumps(results)}\n{bench.market.said()}")
+            raise SystemExit(f"some answers were errors:\n{json.dumps(results)}\n{bench.market.output()}")
         memory = []
         until = time.monotonic() + 60.0 * minutes
         while time.monotonic() < until:

@@ -25,7 +25,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from support.certificate_folders import make_certs
-from support.network_hosts import Hosts, why_not
+from support.network_hosts import NetworkHosts, why_not
 from zengrid.testing import RunningMarket, free_port
 from zengrid.wire.queries import Status
 
@@ -58,7 +58,7 @@ def everyone(market: RunningMarket) -> None:
     market.wait_for_slot(lambda slot: set(AGENTS) <= set(slot.acted), 60, "a slot of everyone")
 
 
-def one_round(hosts: Hosts, market: RunningMarket, seconds: float) -> list[Row]:
+def one_round(hosts: NetworkHosts, market: RunningMarket, seconds: float) -> list[Row]:
     """All cables in turn, then the cut."""
     rows: list[Row] = []
     for round_trip_ms, loss_percent in CABLES:
@@ -108,7 +108,7 @@ def main() -> None:
     reason = why_not()
     if reason is not None:
         raise SystemExit(f"network.py: {reason}")
-    with tempfile.TemporaryDirectory() as name, Hosts("there") as hosts:
+    with tempfile.TemporaryDirectory() as name, NetworkHosts("there") as hosts:
         with contextlib.redirect_stdout(sys.stderr):
             certs = make_certs(Path(name) / "certs", "--host", hosts.here)
         market = RunningMarket("paper", ("--deadline", str(chosen.deadline), "--wait", "60"), certs=certs)

@@ -41,8 +41,8 @@ class Process:
 
     def __init__(self, name: str, command: Sequence[str], folder: Path, env: Mapping[str, str]) -> None:
         self.name = name
-        self.output = folder / f"{name}-{time.monotonic_ns()}.log"
-        with self.output.open("wb") as log:
+        self.log = folder / f"{name}-{time.monotonic_ns()}.log"
+        with self.log.open("wb") as log:
             self.popen = subprocess.Popen(
                 list(command),
                 stdin=subprocess.DEVNULL,
@@ -65,11 +65,11 @@ class Process:
         try:
             return self.popen.wait(timeout_s)
         except subprocess.TimeoutExpired:
-            raise AssertionError(f"{self.name} did not end within {timeout_s:g} s:\n{self.said()}") from None
+            raise AssertionError(f"{self.name} did not end within {timeout_s:g} s:\n{self.output()}") from None
 
-    def said(self) -> str:
+    def output(self) -> str:
         """What it has printed so far."""
-        return self.output.read_text(errors="replace")
+        return self.log.read_text(errors="replace")
 
 
 class RunningMarket:
@@ -108,7 +108,7 @@ class RunningMarket:
             self.client = MarketClient(self.run, self.endpoint, certs=self.certs, timeout_s=20.0)
         except BaseException as error:
             self._close()
-            raise AssertionError(f"the market did not start: {error}\n{self.said()}") from error
+            raise AssertionError(f"the market did not start: {error}\n{self.output()}") from error
         self._following = self.client.follow(self._on_slot)
         return self
 
@@ -117,7 +117,7 @@ class RunningMarket:
     ) -> None:
         self.client.session.close()
         if isinstance(error, (AssertionError, ZengridError)):
-            error.add_note(self.said())
+            error.add_note(self.output())
         self._close()
 
     def _close(self) -> None:
@@ -127,9 +127,9 @@ class RunningMarket:
                 process.kill()
         self._folder.cleanup()
 
-    def said(self) -> str:
+    def output(self) -> str:
         """What all processes have printed."""
-        return "\n".join(f"--- {p.name} (exit code {p.popen.poll()})\n{p.said()}" for p in self.processes.values())
+        return "\n".join(f"--- {p.name} (exit code {p.popen.poll()})\n{p.output()}" for p in self.processes.values())
 
     def start(self, name: str, *command: str) -> Process:
         """Start a program of your own; its environment names the market.
@@ -183,7 +183,9 @@ class RunningMarket:
         with self._changed:
             found = self._changed.wait_for(arrived, timeout_s)
         if found is None:
-            raise AssertionError(f"{missing} did not come within {timeout_s:g} s; last was {self.last}\n{self.said()}")
+            raise AssertionError(
+                f"{missing} did not come within {timeout_s:g} s; last was {self.last}\n{self.output()}"
+            )
         return found
 
     def wait_for_slots(self, count: int, timeout_s: float = 60.0) -> PublicSlot:
@@ -201,6 +203,8 @@ class RunningMarket:
             if wanted(status):
                 return status
             if time.monotonic() > until:
-                raise AssertionError(f"{missing} did not come within {timeout_s:g} s; last was {status}\n{self.said()}")
+                raise AssertionError(
+                    f"{missing} did not come within {timeout_s:g} s; last was {status}\n{self.output()}"
+                )
             with self._changed:
                 self._changed.wait(0.05)

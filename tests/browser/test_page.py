@@ -38,7 +38,9 @@ def afternoon(page: Page, gateway: Gateway) -> Iterator[None]:
         gateway.post("/v1/control", {"command": "resume"})
 
 
-def test_the_first_glance(page: Page, gateway: Gateway, screenshots: Path) -> None:
+def test_the_first_row_shows_prices_sellers_reserve_and_verdict(
+    page: Page, gateway: Gateway, screenshots: Path
+) -> None:
     """Its screenshot, of a summer's afternoon, is the one in the documentation."""
     expect(page.locator("#buy")).to_have_text(re.compile(r"^\d+\.\d$"))
     expect(page.locator("#sell")).to_have_text(re.compile(r"^(5\.0|9\.5)$"))
@@ -52,7 +54,7 @@ def test_the_first_glance(page: Page, gateway: Gateway, screenshots: Path) -> No
         page.screenshot(path=screenshots / "page.png", full_page=True)
 
 
-def test_prices_move(page: Page) -> None:
+def test_prices_change_during_the_day(page: Page) -> None:
     before = page.locator("#time").inner_text()
     expect(page.locator("#time")).not_to_have_text(before)
     # The grid pays 5, 7 and 10 cents in the course of a day, and the page says each of them.
@@ -78,7 +80,7 @@ def test_a_home_is_added_and_removed(page: Page, gateway: Gateway, screenshots: 
     expect(row).to_have_count(0)
 
 
-def test_what_cannot_be_added(browser: Browser, gateway: Gateway) -> None:
+def test_a_home_that_is_refused_shows_the_reason(browser: Browser, gateway: Gateway) -> None:
     with browser.new_context() as context:
         page = context.new_page()
         page.goto(gateway.url)
@@ -94,7 +96,7 @@ def test_what_cannot_be_added(browser: Browser, gateway: Gateway) -> None:
         expect(dialog).to_be_hidden()
 
 
-def test_by_keyboard(page: Page) -> None:
+def test_the_market_is_controlled_by_keyboard(page: Page) -> None:
     page.keyboard.press("Space")
     expect(page.locator("#state")).to_have_text("paused")
     expect(page.locator("#pause")).to_have_text("Go on")
@@ -112,7 +114,7 @@ def test_by_keyboard(page: Page) -> None:
     assert page.evaluate("document.activeElement.id") == "theme"
 
 
-def test_earlier_days(page: Page, gateway: Gateway) -> None:
+def test_an_earlier_day_is_shown(page: Page, gateway: Gateway) -> None:
     gateway.market.wait_for_slot(50)
     charts_drawn(page)
     page.get_by_label("Day", exact=True).fill("0")
@@ -128,7 +130,7 @@ def test_earlier_days(page: Page, gateway: Gateway) -> None:
     expect(page.locator("#follow")).to_have_attribute("aria-pressed", "true")
 
 
-def test_ask_a_policy(page: Page, screenshots: Path) -> None:
+def test_a_policy_is_queried_from_the_page(page: Page, screenshots: Path) -> None:
     expect(page.locator("#c-policy .heatmaplayer image, #c-policy .hm image").first).to_be_attached()
     expect(page.locator("#ask-caption")).to_contain_text("p1 plays conventional")
     panel = page.locator(".ask")
@@ -141,7 +143,7 @@ def test_ask_a_policy(page: Page, screenshots: Path) -> None:
     page.locator(".ask").screenshot(path=screenshots / "policy.png")
 
 
-def test_dark(browser: Browser, gateway: Gateway, screenshots: Path) -> None:
+def test_the_page_follows_the_dark_color_scheme(browser: Browser, gateway: Gateway, screenshots: Path) -> None:
     with browser.new_context(viewport={"width": 1280, "height": 900}, color_scheme="dark") as context:
         page = context.new_page()
         page.goto(gateway.url)
@@ -155,7 +157,7 @@ def test_dark(browser: Browser, gateway: Gateway, screenshots: Path) -> None:
         expect(page.locator("html")).to_have_attribute("data-theme", "light")
 
 
-def test_on_a_phone(browser: Browser, gateway: Gateway, screenshots: Path) -> None:
+def test_the_page_fits_a_phone(browser: Browser, gateway: Gateway, screenshots: Path) -> None:
     with browser.new_context(
         viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True, color_scheme="dark"
     ) as context:

@@ -19,8 +19,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from support.compose_stack import ROOT, Stack
-from support.docker_daemon import CERTIFICATES, OFFICIAL, NoEngine, base_image, compose_commands, engine
+from support.compose_stack import ROOT, ComposeStack
+from support.docker_daemon import CERTIFICATES, OFFICIAL, NoDocker, base_image, compose_commands, docker_daemon
 from zengrid.journal import Journal
 from zengrid.journal.audit import audit
 from zengrid.scenario import load
@@ -68,11 +68,11 @@ with open_client("tls/clock:7447", credentials=Credentials(Path("/certs"), "p1")
 def docker() -> Iterator[dict[str, str]]:
     """The environment in which docker finds its daemon, and Compose the image."""
     try:
-        with engine() as environment:
+        with docker_daemon() as environment:
             if BUILT is None:
                 build(environment, IMAGE)
             yield {**environment, "ZENGRID_IMAGE": IMAGE}
-    except NoEngine as reason:
+    except NoDocker as reason:
         pytest.skip(str(reason))
 
 
@@ -84,7 +84,7 @@ def build(environment: dict[str, str], tag: str, **arguments: str) -> None:
         words += ["--build-arg", f"{name}={value}"]
     if CERTIFICATES.exists() and base != OFFICIAL:
         words += ["--build-arg", f"PIP_CERT={CERTIFICATES}"]
-    Stack([], {**environment, "DOCKER_BUILDKIT": "0"}).docker(*words, str(ROOT))
+    ComposeStack([], {**environment, "DOCKER_BUILDKIT": "0"}).docker(*words, str(ROOT))
 
 
 @pytest.fixture(scope="module")
@@ -101,7 +101,7 @@ def test_every_compose_takes_the_file_with_each_profile(docker: dict[str, str], 
     for command in compose_commands():
         for profile in (None, *PROFILES):
             settings = ["--env-file", f"deploy/compose/{profile}.env"] if profile else []
-            stack = Stack(command, docker)
+            stack = ComposeStack(command, docker)
             config = yaml.safe_load(stack.run(*settings, "config"))
             services = config["services"]
             if profile == "postgres":
@@ -116,7 +116,7 @@ def test_every_compose_takes_the_file_with_each_profile(docker: dict[str, str], 
 
 
 def test_the_image_is_small_and_nobody_in_it_is_root(docker: dict[str, str]) -> None:
-    stack = Stack([], docker)
+    stack = ComposeStack([], docker)
     megabytes = int(stack.docker("image", "inspect", "--format", "{{.Size}}", IMAGE)) / 1e6
     sys.stdout.write(f"image: {megabytes:.0f} MB\n")
     assert megabytes < LARGEST_MB
@@ -145,7 +145,7 @@ def wheels() -> Iterator[str]:
 @pytest.mark.timeout(1800)
 def test_the_large_image_trains_and_knows_the_sun(docker: dict[str, str], wheels: str) -> None:
     build(docker, LEARN_IMAGE, IMAGE="learn", PIP_FIND_LINKS=wheels)
-    stack = Stack([], docker)
+    stack = ComposeStack([], docker)
     run = ("run", "--rm", "--network", "none", "--read-only", "--tmpfs", "/tmp:mode=1777", "--tmpfs", "/data:mode=1777")
     megabytes = int(stack.docker("image", "inspect", "--format", "{{.Size}}", LEARN_IMAGE)) / 1e6
     sys.stdout.write(f"image for learning: {megabytes:.0f} MB\n")
@@ -157,7 +157,7 @@ def test_the_large_image_trains_and_knows_the_sun(docker: dict[str, str], wheels
 def test_a_market_of_containers_outlives_each_of_them(
     docker: dict[str, str], compose: list[str], tmp_path: Path
 ) -> None:
-    with Stack(compose, docker) as stack:
+    with ComposeStack(compose, docker) as stack:
         began = time.monotonic()
         stack.run("up", "--detach", "--no-build")
         price = stack.wait(lambda: stack.get("/v1/price"), "a price by HTTP")
@@ -187,7 +187,7 @@ def test_a_market_of_containers_outlives_each_of_them(
 
 
 def test_with_certificates_nobody_else_gets_in(docker: dict[str, str], compose: list[str], tmp_path: Path) -> None:
-    with Stack([*compose, *SECURE], docker) as stack:
+    with ComposeStack([*compose, *SECURE], docker) as stack:
         stack.run("up", "--detach", "--no-build")
         stack.wait(lambda: stack.get("/v1/price"), "a price by HTTP")
         assert set(stack.wait_for_agents(3)) == {"p1", "p2", "p3"}
@@ -224,7 +224,7 @@ def test_with_certificates_nobody_else_gets_in(docker: dict[str, str], compose: 
         check_journal(stack, tmp_path)
 
 
-def outsider(stack: Stack, *words: str, certs: str | None = None, program: str = "zengrid") -> str:
+def outsider(stack: ComposeStack, *words: str, certs: str | None = None, program: str = "zengrid") -> str:
     """Run a container in the market's network, with somebody's certificates or none; returns what it said."""
     project = stack.environment["COMPOSE_PROJECT_NAME"]
     volume = [] if certs is None else ["--volume", f"{project}_certs-{certs}:/certs:ro"]
@@ -235,7 +235,7 @@ def outsider(stack: Stack, *words: str, certs: str | None = None, program: str =
     return done.stdout + done.stderr
 
 
-def refusals(stack: Stack, cause: str) -> float:
+def refusals(stack: ComposeStack, cause: str) -> float:
     """How many messages the market has refused for this cause."""
     with urllib.request.urlopen(f"http://127.0.0.1:{stack.port}/metrics", timeout=10) as answer:
         text = answer.read().decode()
@@ -243,13 +243,13 @@ def refusals(stack: Stack, cause: str) -> float:
     return float(found[1]) if found else 0.0
 
 
-def all_of(stack: Stack) -> list[str]:
+def all_of(stack: ComposeStack) -> list[str]:
     """Ids of all containers of the stack, also of those that have ended."""
     project = stack.environment["COMPOSE_PROJECT_NAME"]
     return stack.docker("ps", "-aq", "--filter", f"label=com.docker.compose.project={project}").split()
 
 
-def check_access(stack: Stack) -> None:
+def check_access(stack: ComposeStack) -> None:
     """Reading is free; steering needs the token that the gateway's log has shown once."""
     logs = stack.run("logs", "gateway")
     token = next(word for word in logs.split() if word.startswith("zengrid_operate_"))
@@ -266,7 +266,7 @@ def check_access(stack: Stack) -> None:
         assert got == wanted
 
 
-def check_journal(stack: Stack, folder: Path) -> None:
+def check_journal(stack: ComposeStack, folder: Path) -> None:
     """All that was settled is in the journal once, and balances: one run, although its clock was killed."""
     clock = next(one for one in all_of(stack) if "clock" in stack.docker("inspect", "--format", "{{.Name}}", one))
     copied = subprocess.run(

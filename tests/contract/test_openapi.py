@@ -56,7 +56,7 @@ def gateway() -> Iterator[Gateway]:
 
 @schema.parametrize()
 @settings(max_examples=EXAMPLES)
-def test_as_documented(case: Any, gateway: Gateway) -> None:
+def test_answers_follow_the_document(case: Any, gateway: Gateway) -> None:
     # What fits the schema may still make no sense to the market: that has tests of its own.
     case.call_and_validate(base_url=gateway.url, excluded_checks=[positive_data_acceptance])
 
@@ -64,6 +64,6 @@ def test_as_documented(case: Any, gateway: Gateway) -> None:
 @pytest.mark.slow
 @schema.parametrize()
 @settings(max_examples=10 * EXAMPLES)
-def test_as_documented_whatever_is_asked(case: Any, gateway: Gateway) -> None:
+def test_answers_follow_the_document_for_many_more_requests(case: Any, gateway: Gateway) -> None:
     # What fits the schema may still make no sense to the market: that has tests of its own.
     case.call_and_validate(base_url=gateway.url, excluded_checks=[positive_data_acceptance])

@@ -34,7 +34,7 @@ def test_zenoh_settings_are_accepted() -> None:
     assert json.loads(zenoh.Config.from_json5(block.text).get_json("connect/endpoints")) == ["tcp/127.0.0.1:7447"]
 
 
-def test_a_real_market_says_what_the_page_shows() -> None:
+def test_a_real_market_sends_what_the_page_shows() -> None:
     """Plays the conversation of docs/own-agent.md word by word."""
     (script,) = (block.text for block in blocks("docs/own-agent.md", "text") if block.text.startswith("SUBSCRIBE"))
     steps = [step.split(None, 1) for step in re.split(r"\n\n", script.strip())]

@@ -47,11 +47,11 @@ def test_it_brings_a_home_and_takes_it_out_again() -> None:
         market.wait_for_slot(lambda slot: slot.homes == 3, missing="a slot without p9")
 
 
-def test_it_says_why_it_was_refused() -> None:
+def test_it_prints_why_it_was_refused() -> None:
     with RunningMarket("paper") as market:
         market.start_agents("p1", "p2", "p3")
         market.wait_for_slots(1)
         mine = start(market, "p1")
         assert mine.end() == 1
-        assert "refused: " in mine.said()
-        assert "another process plays it" in mine.said()
+        assert "refused: " in mine.output()
+        assert "another process plays it" in mine.output()

@@ -84,7 +84,7 @@ def live(scenario: Scenario, prosumer: str, grid: str) -> list[SlotRecord]:
     options = ("--days", str(DAYS), "--soc-reset", scenario.soc_reset, "--deadline", "20")
     with RunningMarket(scenario.name, options) as market:
         market.start_agents(*scenario.home_ids, policy=prosumer, grid_policy=grid)
-        assert market.processes["clock"].end(200) == 0, market.said()
+        assert market.processes["clock"].end(200) == 0, market.output()
         with Journal.open(market.journal, read_only=True) as journal:
             return journal.run().records()
 

@@ -11,8 +11,8 @@ from typing import Literal
 import pytest
 
 from support.gateway_process import gateway
-from support.network_hosts import Hosts, why_not
-from support.postgres import Line, Server, postgres_server
+from support.network_hosts import NetworkHosts, why_not
+from support.postgres import BreakableConnection, PostgresServer, postgres_server
 from zengrid.errors import JournalUnavailableError
 from zengrid.journal import Journal
 from zengrid.journal.postgres import SILENT_MS
@@ -28,7 +28,7 @@ PATIENCE_S = 120.0
 
 
 @pytest.fixture(scope="module")
-def postgres() -> Iterator[Server]:
+def postgres() -> Iterator[PostgresServer]:
     with postgres_server() as server:
         yield server
 
@@ -48,7 +48,7 @@ class Follower:
         """Wait until the clock has said something so many times."""
         clock = self.market.processes["clock"]
         until = time.monotonic() + PATIENCE_S
-        while clock.said().count(text) < times:
+        while clock.output().count(text) < times:
             assert clock.popen.poll() is None, "the clock has ended"
             assert time.monotonic() < until, f"not said: {text}"
             time.sleep(0.02)
@@ -104,7 +104,7 @@ def market_at(url: str, *options: str) -> RunningMarket:
     return RunningMarket("paper", ("--journal", url, *options))
 
 
-def test_a_market_waits_while_its_database_is_stopped(postgres: Server) -> None:
+def test_a_market_waits_while_its_database_is_stopped(postgres: PostgresServer) -> None:
     url = postgres.url(postgres.new_database())
     with market_at(url) as market:
         following = Follower(market)
@@ -119,7 +119,7 @@ def test_a_market_waits_while_its_database_is_stopped(postgres: Server) -> None:
         following.ends_soundly(url)
 
 
-def test_a_gateway_says_that_the_journal_is_away_and_reads_on_when_it_is_back(postgres: Server) -> None:
+def test_a_gateway_says_that_the_journal_is_away_and_reads_on_when_it_is_back(postgres: PostgresServer) -> None:
     url = postgres.url(postgres.new_database())
     with market_at(url) as market:
         following = Follower(market)
@@ -141,9 +141,9 @@ def test_a_gateway_says_that_the_journal_is_away_and_reads_on_when_it_is_back(po
         following.ends_soundly(url)
 
 
-def test_a_slot_that_was_committed_without_an_answer_is_settled_once(postgres: Server) -> None:
+def test_a_slot_that_was_committed_without_an_answer_is_settled_once(postgres: PostgresServer) -> None:
     name = postgres.new_database()
-    with Line(postgres) as line, market_at(postgres.url(name, line.folder)) as market:
+    with BreakableConnection(postgres) as line, market_at(postgres.url(name, line.folder)) as market:
         following = Follower(market)
         for times in range(1, 6):
             line.cut.clear()
@@ -161,13 +161,13 @@ def test_a_slot_that_was_committed_without_an_answer_is_settled_once(postgres: S
         following.ends_soundly(postgres.url(name))
 
 
-def test_a_cable_to_the_database_that_is_cut_leaves_the_run_to_others_in_time(postgres: Server) -> None:
+def test_a_cable_to_the_database_that_is_cut_leaves_the_run_to_others_in_time(postgres: PostgresServer) -> None:
     """Neither side hears that the other is gone: both must give up by themselves, the server the lock as well."""
     reason = why_not()
     if reason is not None:
         pytest.skip(reason)
     name = postgres.new_database()
-    with Hosts("there") as hosts:
+    with NetworkHosts("there") as hosts:
         postgres.stop("fast")
         postgres.start(hosts.here)
         hosts.quality("there")
@@ -187,7 +187,7 @@ def test_a_cable_to_the_database_that_is_cut_leaves_the_run_to_others_in_time(po
 class Elsewhere(RunningMarket):
     """A market on another host, with its journal at a URL."""
 
-    def __init__(self, hosts: Hosts, url: str) -> None:
+    def __init__(self, hosts: NetworkHosts, url: str) -> None:
         super().__init__("paper", ("--journal", url, "--insecure"))
         self.endpoint = f"tcp/{hosts.address('there')}:{free_port()}"
         self._hosts = hosts
@@ -212,7 +212,7 @@ def slots(url: str) -> int:
         return journal.run().count()
 
 
-def test_a_database_that_stays_away_ends_the_clock_which_can_be_resumed(postgres: Server) -> None:
+def test_a_database_that_stays_away_ends_the_clock_which_can_be_resumed(postgres: PostgresServer) -> None:
     url = postgres.url(postgres.new_database())
     with market_at(url, "--journal-wait", "1") as market:
         following = Follower(market)
@@ -220,12 +220,12 @@ def test_a_database_that_stays_away_ends_the_clock_which_can_be_resumed(postgres
         postgres.stop()
         try:
             assert clock.end(PATIENCE_S) == 1
-            last = clock.said().splitlines()[-1]
+            last = clock.output().splitlines()[-1]
             assert "given up after 1 s" in last
             assert "can be committed again when this is mended" in last
             # While it is away nothing begins, and that is said, too.
             assert market.start_clock("--resume").end(PATIENCE_S) == 1
-            assert "cannot be opened" in market.processes["clock"].said()
+            assert "cannot be opened" in market.processes["clock"].output()
         finally:
             postgres.start()
         told = following.told[-1].position

@@ -94,7 +94,7 @@ def test_a_stopped_agent_costs_deadlines_then_nothing_and_returns(market: Runnin
     assert longest_gap_s(run) < DEADLINE_S + SLACK_S
 
 
-def test_a_slot_is_told_while_the_grid_agent_takes_its_time() -> None:
+def test_a_slot_is_published_while_the_grid_agent_is_slow() -> None:
     with RunningMarket("paper", ("--deadline", "20")) as market:
         market.start_agents(*PAPER)
         market.wait_for_slots(5)
@@ -176,7 +176,7 @@ def test_the_clock_keeps_its_locks_on_the_journal(market: RunningMarket) -> None
 def test_a_second_process_of_the_same_name_is_refused(market: RunningMarket) -> None:
     second = market.start_prosumer("p1", name="second")
     assert second.end() == 1
-    assert "agent = p1: another process plays it" in second.said()
+    assert "agent = p1: another process plays it" in second.output()
     market.wait_for_slot(lambda slot: set(PAPER) <= set(slot.acted), missing="a slot of everyone")
     settled(market)
 
@@ -227,19 +227,19 @@ def test_late_future_duplicate_and_impossible_actions_are_refused() -> None:
                 market.wait_for_status(lambda s: s.refused.get(cause, 0) > 0, missing=f"a refusal as {cause}")
 
             market.client.control("step", slots=2)
-            hand.see()
-            hand.say(1, 0.0)
+            hand.wait_for_observation()
+            hand.command(1, 0.0)
             refused("future")
-            hand.say(0, 2.5)
+            hand.command(0, 2.5)
             refused("out_of_range")
-            hand.say(0, [0.0, 0.0])
+            hand.command(0, [0.0, 0.0])
             market.wait_for_status(lambda s: s.refused.get("out_of_range", 0) == 2, missing="a refusal of two commands")
-            hand.say(0, 1.5)
-            hand.see()
-            hand.say(0, -2.0)
+            hand.command(0, 1.5)
+            hand.wait_for_observation()
+            hand.command(0, -2.0)
             refused("late")
-            hand.say(1, 0.5)
-            hand.say(1, -1.0)
+            hand.command(1, 0.5)
+            hand.command(1, -1.0)
             market.wait_for_slot(1)
         run = settled(market)
         assert [float(record.battery_kw[0]) for record in run.records()] == [1.5, 0.5]
@@ -272,7 +272,7 @@ def test_the_clock_is_killed_and_goes_on_where_it_was(market: RunningMarket) -> 
         lambda slot: slot.position > len(kept) and everyone <= set(slot.acted), missing="everyone under the new clock"
     )
     assert market.processes["clock"].end(30) == 0
-    assert [market.processes[name].end() for name in ("grid", *PAPER)] == [0, 0, 0, 0], market.said()
+    assert [market.processes[name].end() for name in ("grid", *PAPER)] == [0, 0, 0, 0], market.output()
     assert p4.end() == 0
     with Journal.open(market.journal, read_only=True) as journal:
         run = journal.run()

@@ -30,7 +30,7 @@ def gateway() -> Iterator[Gateway]:
         yield it
 
 
-def test_price(gateway: Gateway) -> None:
+def test_the_price_is_that_of_the_latest_slot(gateway: Gateway) -> None:
     price = gateway.get("/v1/price")
     assert price["run"] == "test"
     assert price["state"] == "running"
@@ -52,7 +52,7 @@ def test_market_is_the_clocks_status(gateway: Gateway) -> None:
     assert status.last is not None
 
 
-def test_prosumers(gateway: Gateway) -> None:
+def test_prosumers_are_listed_in_pages(gateway: Gateway) -> None:
     answer = gateway.get("/v1/prosumers")
     ids = [home["id"] for home in answer["prosumers"]]
     assert ids[:3] == ["p1", "p2", "p3"]
@@ -95,7 +95,7 @@ def test_history_adds_up(gateway: Gateway) -> None:
     assert gateway.get("/v1/prosumers/nobody/history", 404)["status"] == 404
 
 
-def test_history_files(gateway: Gateway) -> None:
+def test_csv_and_parquet_hold_the_rows_of_json(gateway: Gateway) -> None:
     gateway.market.wait_for_slot(24)
     rows = gateway.get("/v1/history", params={"day": 0})["rows"]
     csv = gateway.http.get("/v1/history", params={"day": 0, "format": "csv"})
@@ -116,7 +116,7 @@ def test_history_explains_what_is_wrong(gateway: Gateway) -> None:
     assert "test-9" in gateway.get("/v1/history?run=test-9", 404)["detail"]
 
 
-def test_runs_and_kpis(gateway: Gateway) -> None:
+def test_kpis_are_the_sums_of_the_history(gateway: Gateway) -> None:
     (run,) = gateway.get("/v1/runs")["runs"]
     assert run["name"] == "test-1"
     first = gateway.get("/v1/runs/test-1/kpis")
@@ -132,7 +132,7 @@ def test_runs_and_kpis(gateway: Gateway) -> None:
     assert set(now["prosumers"]) >= {"p1", "p2", "p3"}
 
 
-def test_scenario(gateway: Gateway) -> None:
+def test_the_scenario_is_served_as_json_and_yaml(gateway: Gateway) -> None:
     scenario = gateway.get("/v1/scenario")
     assert scenario["name"] == "paper"
     assert [home["id"] for home in scenario["homes"]] == ["p1", "p2", "p3"]
@@ -165,14 +165,14 @@ def test_live_stream_resumes_from_the_journal(gateway: Gateway) -> None:
         assert [next(stream)[1] for _ in range(5)] == [1, 2, 3, 4, 5]
 
 
-def test_websocket(gateway: Gateway) -> None:
+def test_a_websocket_sends_the_same_events(gateway: Gateway) -> None:
     with connect(f"ws://127.0.0.1:{gateway.port}/v1/live") as socket_:
         messages = [socket_.recv(timeout=10) for _ in range(4)]
     assert messages[0] == '{"event":"market","data":{"present":true}}'
     assert all(isinstance(message, str) and message.startswith('{"event":"slot","id":') for message in messages[1:])
 
 
-def test_websocket_of_another_site(gateway: Gateway) -> None:
+def test_a_websocket_of_another_site_is_refused(gateway: Gateway) -> None:
     with pytest.raises(InvalidStatus, match="403"):
         connect(f"ws://127.0.0.1:{gateway.port}/v1/live", origin=Origin("https://elsewhere.example"))
 
@@ -188,7 +188,7 @@ def test_a_stuck_client_costs_only_itself(gateway: Gateway) -> None:
         gateway.wait("/v1/price", lambda answer: answer.json()["position"] > first + 10, "newer prices")
 
 
-def test_policies(gateway: Gateway) -> None:
+def test_a_policy_answers_quantities_and_observations(gateway: Gateway) -> None:
     listed = {each["agent"]: each["policy"] for each in gateway.get("/v1/policies")["policies"]}
     assert listed["p1"] == "conventional"
     details = gateway.get("/v1/policies/p1")
@@ -233,7 +233,7 @@ def test_a_head_is_that_of_get(gateway: Gateway) -> None:
     assert gateway.http.head("/v1/nothing").status_code == 404
 
 
-def test_control(gateway: Gateway) -> None:
+def test_control_pauses_steps_and_resumes(gateway: Gateway) -> None:
     assert gateway.post("/v1/control", {"command": "pause"})["state"] == "paused"
     still = gateway.market.client.control("status")
     assert gateway.get("/v1/price")["state"] == "paused"
@@ -271,7 +271,7 @@ def test_names_of_other_machines(gateway: Gateway, host: str) -> None:
     assert gateway.get("/healthz", 421, headers={"host": host})["type"] == "urn:zengrid:misdirected"
 
 
-def test_metrics(gateway: Gateway) -> None:
+def test_metrics_report_the_market(gateway: Gateway) -> None:
     text = gateway.http.get("/metrics").text
     lines = dict(line.rsplit(" ", 1) for line in text.splitlines() if not line.startswith("#"))
     assert float(lines["zengrid_market_up"]) == 1

@@ -27,7 +27,9 @@ def guarded(open_one: Gateway) -> Iterator[Gateway]:
 
 def tokens(guarded: Gateway) -> dict[str, str]:
     """What it has shown when it was started for the first time."""
-    shown = [line.rpartition(": ")[2] for line in guarded.process.said().splitlines() if "shown this one time" in line]
+    shown = [
+        line.rpartition(": ")[2] for line in guarded.process.output().splitlines() if "shown this one time" in line
+    ]
     return {token.split("_")[1]: token for token in shown}
 
 
@@ -35,7 +37,7 @@ def bearer(token: str) -> dict[str, str]:
     return {"authorization": f"Bearer {token}"}
 
 
-def test_tokens_and_roles(guarded: Gateway) -> None:
+def test_each_token_permits_only_its_role(guarded: Gateway) -> None:
     made = tokens(guarded)
     assert set(made) == {"read", "operate"}
     refused = guarded.http.get("/v1/price")
@@ -72,7 +74,7 @@ def test_writing_alone_can_be_protected(open_one: Gateway) -> None:
         assert it.http.delete("/v1/prosumers/p1").status_code == 401
 
 
-def test_rate(open_one: Gateway) -> None:
+def test_requests_beyond_the_rate_are_refused_with_429(open_one: Gateway) -> None:
     with gateway(open_one.market, "--rate", "2") as it:
         answers = [it.http.get("/healthz") for _ in range(30)]
         assert {answer.status_code for answer in answers} == {200, 429}
@@ -81,7 +83,7 @@ def test_rate(open_one: Gateway) -> None:
         assert late.json()["type"] == "urn:zengrid:too-many"
 
 
-def test_other_sites_that_are_allowed(open_one: Gateway) -> None:
+def test_an_allowed_site_may_use_the_gateway(open_one: Gateway) -> None:
     friend, stranger = "https://friend.example", "https://stranger.example"
     with gateway(open_one.market, "--cors", friend) as it:
         assert it.http.get("/v1/price", headers={"origin": friend}).headers["access-control-allow-origin"] == friend
@@ -91,8 +93,8 @@ def test_other_sites_that_are_allowed(open_one: Gateway) -> None:
         assert it.post("/v1/control", {"command": "resume"})["state"] == "running"
 
 
-def test_an_address_that_is_taken(open_one: Gateway) -> None:
+def test_an_address_in_use_is_reported(open_one: Gateway) -> None:
     second = Gateway(open_one.market, "--port", str(open_one.port))
     with second.http:
         assert second.process.end() == 1
-        assert "cannot listen there" in second.process.said()
+        assert "cannot listen there" in second.process.output()

@@ -106,7 +106,7 @@ def test_history_from_the_clock_alone(without_journal: Gateway) -> None:
     assert it.get("/v1/prosumers/nobody/history", 404)["status"] == 404
 
 
-def test_ends_at_once(without_journal: Gateway) -> None:
+def test_a_gateway_with_an_open_stream_ends_at_once(without_journal: Gateway) -> None:
     it = without_journal
     with gateway(it.market) as other, other.http.stream("GET", "/v1/live") as response:
         next(events(response))

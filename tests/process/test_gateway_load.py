@@ -116,7 +116,7 @@ def test_an_attack_is_refused_and_holds_up_nobody(gateway: Gateway, request_: by
         assert code == problem["status"] == status, problem
         assert len(problem["errors"]) <= 20
         assert len(problem["detail"]) <= 2000
-    assert "Traceback" not in gateway.process.said()
+    assert "Traceback" not in gateway.process.output()
 
 
 def test_it_is_told_how_many_more_fields_are_wrong(gateway: Gateway) -> None:
@@ -158,7 +158,7 @@ def test_requests_sent_ahead_have_an_end(gateway: Gateway) -> None:
             received += b"".join(iter(lambda: raw.recv(65536), b""))
     assert received.count(b"HTTP/1.1 200") <= 102
     assert gateway.get("/healthz") == {"status": "ok"}
-    assert "Traceback" not in gateway.process.said()
+    assert "Traceback" not in gateway.process.output()
 
 
 def test_what_follows_a_body_has_an_end(gateway: Gateway) -> None:
@@ -177,7 +177,7 @@ def test_a_refusal_ends_the_connection_and_no_answer_before_it(gateway: Gateway)
         raw.sendall(get("/" + "x" * 10_000))
         rest = b"".join(iter(lambda: raw.recv(65536), b""))
     assert b"HTTP/1.1" not in rest
-    assert "Traceback" not in gateway.process.said()
+    assert "Traceback" not in gateway.process.output()
 
 
 def test_an_agent_that_hangs_holds_up_its_own_questions_alone(gateway: Gateway) -> None:

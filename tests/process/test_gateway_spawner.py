@@ -58,7 +58,7 @@ def test_the_same_key_starts_nothing_twice(gateway: Gateway) -> None:
         (HOME | {"colour": "red"}, 422, "body.colour"),
     ],
 )
-def test_clear_refusals(gateway: Gateway, home: object, status: int, says: str) -> None:
+def test_a_refused_home_names_the_wrong_field(gateway: Gateway, home: object, status: int, says: str) -> None:
     problem = gateway.post("/v1/prosumers", home, status)
     assert says in problem["detail"]
     assert all(error["field"].startswith("body.") for error in problem["errors"])

@@ -126,9 +126,7 @@ def joins(agent: str, homes: list[dict[str, Any]]) -> bytes:
         (lambda: b"\xff\xfe", "invalid"),
     ],
 )  # fmt: skip
-def test_joins_that_cannot_be_are_refused_at_once(
-    market: RunningMarket, payload: Callable[[], bytes], reason: str
-) -> None:
+def test_impossible_joins_are_refused_at_once(market: RunningMarket, payload: Callable[[], bytes], reason: str) -> None:
     """The market's longest gap between two slots, looked at in the end, says what they have cost."""
     # A name of its own for each, so that none is refused for asking too often; with certificates there are few names.
     agent = "p4" if market.certs is not None else f"x{secrets.token_hex(4)}"

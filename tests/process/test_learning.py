@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("torch", reason="extra learn is not installed")
 
-from support.zengrid_up import Up
+from support.zengrid_up import ZengridUp
 from zengrid.bus.market_client import MarketClient
 from zengrid.journal import Journal
 from zengrid.policy.file import PolicyFile
@@ -27,7 +27,7 @@ def test_agents_learn_at_full_speed_and_go_on_where_they_were_killed(tmp_path: P
     learned = tmp_path / "learned"
     options = ("paper", "--quiet", "--learn", "--learned", str(learned), "--explore", "300", *DEADLINE)
     start = ("--policy", "conventional", "--grid-policy", "fixed")
-    with Up(tmp_path, *options, *start, "--paused") as up:
+    with ZengridUp(tmp_path, *options, *start, "--paused") as up:
         up.patience_s = PATIENCE_S
         children = {name: up.child(f"zengrid {name}") for name in AGENTS}
         with MarketClient("main", up.endpoint, timeout_s=PATIENCE_S) as client:
@@ -45,7 +45,7 @@ def test_agents_learn_at_full_speed_and_go_on_where_they_were_killed(tmp_path: P
             up.until(lambda: "p1 goes on learning after" in log.read_text(), "p1 going on")
             up.until(lambda: (learned / "p1.safetensors").stat().st_mtime_ns > before, "p1 keeping more")
         up.signal(signal.SIGINT)
-        assert up.end() == 0, up.said()
+        assert up.end() == 0, up.output()
     with Journal.open(up.journal, read_only=True) as journal:
         records = list(journal.run().records())
     # It began as the market without demand response, and is another one now.

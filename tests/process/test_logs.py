@@ -13,7 +13,7 @@ from zengrid.testing import Process, RunningMarket
 
 def lines(process: Process) -> list[dict[str, Any]]:
     """What it has told, all of it JSON."""
-    return [json.loads(line) for line in process.said().splitlines()]
+    return [json.loads(line) for line in process.output().splitlines()]
 
 
 def position(line: dict[str, Any]) -> int:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from support.certificate_folders import make_certs
-from support.network_hosts import Hosts, why_not
+from support.network_hosts import NetworkHosts, why_not
 from zengrid.journal import Journal
 from zengrid.journal.audit import audit
 from zengrid.scenario.home import HomeSpec
@@ -24,21 +24,21 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
 DEADLINE_S = 1.0
 SLACK_S = 3.0
 """What a busy test machine may add to a deadline."""
-ROUTER = Path(__file__).parents[1] / "support" / "router.py"
+ROUTER = Path(__file__).parents[1] / "support" / "zenoh_router.py"
 
 
 @pytest.fixture(scope="module")
-def hosts() -> Iterator[Hosts]:
+def hosts() -> Iterator[NetworkHosts]:
     reason = why_not()
     if reason is not None:
         pytest.skip(reason)
-    with Hosts("west", "east") as hosts:
+    with NetworkHosts("west", "east") as hosts:
         yield hosts
 
 
 @pytest.mark.parametrize("through", ["direct", "router"])
 def test_agents_elsewhere_take_part_fall_back_when_cut_off_and_return(
-    through: str, hosts: Hosts, tmp_path: Path
+    through: str, hosts: NetworkHosts, tmp_path: Path
 ) -> None:
     certs = make_certs(tmp_path / "certs", "--host", hosts.here, "--host", hosts.address("east"), "--spawner", "east")
     market = RunningMarket("paper", ("--deadline", str(DEADLINE_S), "--wait", "60"), certs=certs)

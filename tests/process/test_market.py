@@ -21,11 +21,11 @@ from zengrid.wire.slots import FleetAction, FleetObservation
 PAPER = ("p1", "p2", "p3")
 
 
-def test_runs_to_its_end_and_everyone_leaves() -> None:
+def test_a_market_runs_to_its_end_and_all_agents_leave() -> None:
     with RunningMarket("paper", ("--days", "3")) as market:
         market.start_agents(*PAPER)
-        assert market.processes["clock"].end() == 0, market.said()
-        assert [market.processes[name].end() for name in ("grid", *PAPER)] == [0, 0, 0, 0], market.said()
+        assert market.processes["clock"].end() == 0, market.output()
+        assert [market.processes[name].end() for name in ("grid", *PAPER)] == [0, 0, 0, 0], market.output()
         with Journal.open(market.journal, read_only=True) as journal:
             run = journal.run()
             assert run.info.finished_at is not None
@@ -45,7 +45,7 @@ def test_a_home_joins_from_another_terminal_and_leaves_again() -> None:
         assert status.homes.homes == (*PAPER, "p4")
         assert status.homes.capacity_kwh[3] == 10
         p4.signal(15)
-        assert p4.end() == 0, p4.said()
+        assert p4.end() == 0, p4.output()
         market.wait_for_slot(lambda slot: slot.homes == 3, missing="a slot without p4")
         market.client.control("stop")
         market.processes["clock"].end()
@@ -71,7 +71,7 @@ def test_pause_step_speed_and_stop() -> None:
             market.client.control("status")
 
 
-def test_who_is_told_of_a_pause_finds_the_market_standing_still() -> None:
+def test_the_market_stands_still_once_a_pause_is_confirmed() -> None:
     with RunningMarket() as market:
         market.start_agents(*PAPER)
         for _ in range(20):
@@ -89,11 +89,11 @@ def test_a_command_waits_for_the_slot_to_end_but_its_answer_not_for_ever() -> No
     with RunningMarket("paper", ("--paused", "--deadline", "30")) as market, playing_p1(market) as hand:
         market.client.control("step")
         for slot in range(4):
-            hand.see()
+            hand.wait_for_observation()
             if slot == 0:
                 # The market waits for p1: the operator is answered, and the three slots count after this one.
                 assert market.client.control("step", slots=3).state == "running"
-            hand.say(slot, 0.0)
+            hand.command(slot, 0.0)
         status = market.wait_for_status(lambda status: status.state == "paused", missing="the pause")
         assert status.totals.slots == 4
 
@@ -173,8 +173,8 @@ def test_a_home_that_does_not_fit_is_refused_with_its_reason(options: tuple[str,
         market.wait_for_slots(1)
         stranger = market.start_prosumer("p9", *options)
         assert stranger.end() == 1
-        assert says in stranger.said()
-        assert "Traceback" not in stranger.said()
+        assert says in stranger.output()
+        assert "Traceback" not in stranger.output()
         market.wait_for_slots(5)
 
 
@@ -185,7 +185,7 @@ def test_only_the_clock_and_the_grid_have_their_names() -> None:
         for name in ("grid", "clock"):
             stranger = market.start_prosumer(name, "--pv", "1", "--battery", "1", name=f"false-{name}")
             assert stranger.end() == 1
-            assert "only the grid agent is called grid" in stranger.said()
+            assert "only the grid agent is called grid" in stranger.output()
         market.wait_for_slots(5)
 
 

@@ -36,8 +36,8 @@ def zengrid(*words: str, code: int = 0) -> str:
 def wait_for(folder: Path, pattern: str, process: Process) -> None:
     until = time.monotonic() + DEADLINE_S
     while not list(folder.glob(pattern)):
-        assert process.popen.poll() is None, process.said()
-        assert time.monotonic() < until, f"no {pattern} in {folder}\n{process.said()}"
+        assert process.popen.poll() is None, process.output()
+        assert time.monotonic() < until, f"no {pattern} in {folder}\n{process.output()}"
         time.sleep(0.05)
 
 
@@ -99,8 +99,8 @@ def test_a_reproduction_is_stopped_and_goes_on_to_its_report(tmp_path: Path) -> 
     process = Process("reproduce", [sys.executable, "-m", "zengrid_cli", *words], tmp_path, {})
     wait_for(folder, "jobs/*/training.checkpoint", process)
     process.popen.send_signal(signal.SIGINT)
-    assert process.popen.wait(DEADLINE_S) == 130, process.said()
-    assert f"To go on: zengrid reproduce --out {folder}" in process.said()
+    assert process.popen.wait(DEADLINE_S) == 130, process.output()
+    assert f"To go on: zengrid reproduce --out {folder}" in process.output()
     assert not (folder / "report.html").exists()
     before = {path: path.stat().st_mtime_ns for path in folder.glob("jobs/*/result.json")}
 

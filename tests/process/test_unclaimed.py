@@ -32,9 +32,9 @@ def test_three_take_the_homes_of_the_scenario_the_fourth_brings_its_own_and_a_re
         # Whose home is the scenario's leaves it in the market; who brought one takes it along.
         for process in again:
             process.signal(signal.SIGTERM)
-            assert process.end() == 0, process.said()
+            assert process.end() == 0, process.output()
         market.wait_for_slot(lambda s: s.homes == 3, missing="a slot without the home that was brought")
         market.client.control("stop")
-        assert market.processes["clock"].end() == 0, market.said()
+        assert market.processes["clock"].end() == 0, market.output()
         with Journal.open(market.journal, read_only=True) as journal:
             assert audit(journal.run()) == []

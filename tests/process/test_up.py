@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from support.zengrid_up import DEADLINE_S, Up
+from support.zengrid_up import DEADLINE_S, ZengridUp
 from zengrid.bus.market_client import MarketClient
 from zengrid.journal import Journal
 from zengrid.testing import free_port
@@ -29,15 +29,15 @@ def zengrid(*words: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def positions(up: Up) -> list[int]:
+def positions(up: ZengridUp) -> list[int]:
     with Journal.open(up.journal, read_only=True) as journal:
         return [record.position for record in journal.run().records(limit=10**6)]
 
 
-def test_it_runs_so_many_days_and_sums_up(tmp_path: Path) -> None:
-    with Up(tmp_path, "--days", "2", "--speed", "36000x", "--plain") as up:
+def test_it_runs_the_given_days_and_prints_a_summary(tmp_path: Path) -> None:
+    with ZengridUp(tmp_path, "--days", "2", "--speed", "36000x", "--plain") as up:
         assert up.end() == 0
-        said = up.process.said()
+        said = up.process.output()
     assert positions(up) == list(range(48))
     assert f"paper at {up.endpoint}" in said
     assert "48 slots (2 days) settled; run main-1" in said
@@ -51,24 +51,24 @@ def test_it_runs_so_many_days_and_sums_up(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_it_cleanly(tmp_path: Path, number: signal.Signals) -> None:
-    with Up(tmp_path, *SLOW) as up:
+    with ZengridUp(tmp_path, *SLOW) as up:
         with up.client():
             assert set(AGENTS) <= set(up.children())
             up.signal(number)
             assert up.end() == 0
-        assert "To go on where it ended: zengrid up --speed 36000x" in up.process.said()
-        assert "exit code" not in up.said()
+        assert "To go on where it ended: zengrid up --speed 36000x" in up.process.output()
+        assert "exit code" not in up.output()
         assert not up.left()
 
 
 def test_it_goes_on_where_it_ended(tmp_path: Path) -> None:
-    with Up(tmp_path, *SLOW) as up, up.client() as client:
+    with ZengridUp(tmp_path, *SLOW) as up, up.client() as client:
         client.control("stop")
         assert up.end() == 0
     before = positions(up)
-    with Up(tmp_path, "--days", "2", "--resume") as up:
+    with ZengridUp(tmp_path, "--days", "2", "--resume") as up:
         assert up.end() == 0
-        assert "slots (2 days) settled; run main-1" in up.process.said()
+        assert "slots (2 days) settled; run main-1" in up.process.output()
     assert len(before) < 48
     assert positions(up) == list(range(48))
 
@@ -76,17 +76,17 @@ def test_it_goes_on_where_it_ended(tmp_path: Path) -> None:
 @pytest.mark.parametrize("title", AGENTS)
 def test_an_agent_that_is_killed_is_back(tmp_path: Path, title: str) -> None:
     agent = title.split()[-1]
-    with Up(tmp_path, *SLOW) as up, up.client() as client:
+    with ZengridUp(tmp_path, *SLOW) as up, up.client() as client:
         first = up.child(title)
         first.kill()
         up.child(title, not_pid=first.pid)
         before = {agent.id: agent.acted for agent in client.control("status").agents}
         up.status(client, lambda status: all(it.acted > before[agent] + 3 for it in status.agents if it.id == agent))
-        assert f"{title.removeprefix('zengrid ')}: killed by SIGKILL; starting it again in 0.1 s" in up.process.said()
+        assert f"{title.removeprefix('zengrid ')}: killed by SIGKILL; starting it again in 0.1 s" in up.process.output()
 
 
 def test_a_clock_that_is_killed_goes_on_where_its_journal_ends(tmp_path: Path) -> None:
-    with Up(tmp_path, "--days", "3", *SLOW) as up, up.client() as client:
+    with ZengridUp(tmp_path, "--days", "3", *SLOW) as up, up.client() as client:
         clock = up.child("zengrid clock")
         position = client.control("status").last
         clock.kill()
@@ -97,13 +97,13 @@ def test_a_clock_that_is_killed_goes_on_where_its_journal_ends(tmp_path: Path) -
         up.status(client, lambda status: all(agent.presence == "present" for agent in status.agents))
         client.control("speed", speed=0.0)
         assert up.end() == 0
-        assert "clock: killed by SIGKILL" in up.process.said()
-        assert "72 slots (3 days) settled; run main-1" in up.process.said()
+        assert "clock: killed by SIGKILL" in up.process.output()
+        assert "72 slots (3 days) settled; run main-1" in up.process.output()
     assert positions(up) == list(range(72))
 
 
 def test_nothing_outlives_a_supervisor_that_is_killed(tmp_path: Path) -> None:
-    with Up(tmp_path, *SLOW) as up, up.client():
+    with ZengridUp(tmp_path, *SLOW) as up, up.client():
         up.child("zengrid top")
         assert len(up.children()) == 6
         up.process.kill()
@@ -115,13 +115,13 @@ def test_nothing_outlives_a_supervisor_that_is_killed(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_an_agent_that_keeps_failing_is_given_up_and_the_market_goes_on(tmp_path: Path) -> None:
-    with Up(tmp_path, *SLOW) as up, up.client() as client:
+    with ZengridUp(tmp_path, *SLOW) as up, up.client() as client:
         pid = 0
         for _ in range(6):
             child = up.child("zengrid prosumer p2", not_pid=pid)
             pid = child.pid
             child.kill()
-        up.until(lambda: "given up" in up.process.said(), "p2 is given up")
+        up.until(lambda: "given up" in up.process.output(), "p2 is given up")
         at = client.control("status").totals.slots
         status = up.status(client, lambda status: status.totals.slots > at + 3)
         assert {agent.id: agent.presence for agent in status.agents}["p2"] == "away"
@@ -131,19 +131,19 @@ def test_an_agent_that_keeps_failing_is_given_up_and_the_market_goes_on(tmp_path
 
 @pytest.mark.slow
 def test_a_clock_that_keeps_failing_ends_everything(tmp_path: Path) -> None:
-    with Up(tmp_path, *SLOW) as up:
+    with ZengridUp(tmp_path, *SLOW) as up:
         pid = 0
         for _ in range(6):
             child = up.child("zengrid clock", not_pid=pid)
             pid = child.pid
             child.kill()
         assert up.end() == 1
-        assert "clock: killed by SIGKILL, 6 failures within 60 s; given up" in up.process.said()
+        assert "clock: killed by SIGKILL, 6 failures within 60 s; given up" in up.process.output()
         assert not up.left()
 
 
 def test_a_second_signal_ends_it_at_once(tmp_path: Path) -> None:
-    with Up(tmp_path, *SLOW) as up, up.client():
+    with ZengridUp(tmp_path, *SLOW) as up, up.client():
         up.child("zengrid clock").suspend()
         up.signal(signal.SIGINT)
         up.signal(signal.SIGTERM)
@@ -153,7 +153,7 @@ def test_a_second_signal_ends_it_at_once(tmp_path: Path) -> None:
 
 def test_the_price_is_on_the_page(tmp_path: Path) -> None:
     port = free_port()
-    with Up(tmp_path, *SLOW, "--http", str(port)) as up, up.client():
+    with ZengridUp(tmp_path, *SLOW, "--http", str(port)) as up, up.client():
         up.child("zengrid gateway")
 
         def answers() -> bool:
@@ -167,7 +167,7 @@ def test_the_price_is_on_the_page(tmp_path: Path) -> None:
 
 
 def test_it_is_watched_and_steered_from_elsewhere(tmp_path: Path) -> None:
-    with Up(tmp_path, *SLOW) as up, up.client():
+    with ZengridUp(tmp_path, *SLOW) as up, up.client():
         where = ("--connect", up.endpoint)
         assert zengrid("control", "pause", *where).stdout.startswith("paper (main): paused, 36000x")
         before = json.loads(zengrid("top", "--json", *where).stdout)
@@ -195,7 +195,7 @@ def test_it_is_watched_and_steered_from_elsewhere(tmp_path: Path) -> None:
         (("--journal", "/nonexistent/journal.db"), "/nonexistent/journal.db"),
     ],
 )
-def test_what_a_user_can_mend_is_one_clear_line(tmp_path: Path, options: tuple[str, ...], complaint: str) -> None:
+def test_a_user_error_is_one_clear_line(tmp_path: Path, options: tuple[str, ...], complaint: str) -> None:
     words = ("up", "--listen", "auto", "--no-http", "--logs", str(tmp_path), "--journal", str(tmp_path / "journal.db"))
     ended = zengrid(*words, *options)
     assert ended.returncode == 1
@@ -217,7 +217,7 @@ def test_a_port_that_is_taken_is_named(tmp_path: Path) -> None:
         assert len(ended.stderr.splitlines()) == 1
 
 
-def test_the_table_on_a_terminal(tmp_path: Path) -> None:
+def test_the_table_is_drawn_on_a_terminal(tmp_path: Path) -> None:
     import pty
 
     controller, terminal = pty.openpty()

@@ -18,7 +18,7 @@ PATIENCE_S = 240.0
 """Containers start slowly on a machine that is busy. [s]"""
 
 
-class Stack:
+class ComposeStack:
     """A running stack. Use it with ``with``: nothing of it is left at the end."""
 
     def __init__(self, compose: Sequence[str], environment: dict[str, str]) -> None:

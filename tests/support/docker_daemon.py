@@ -1,4 +1,4 @@
-"""A container engine for tests: the one that runs here, or a daemon of our own in a folder of its own."""
+"""A Docker daemon for tests: the one that runs here, or a new one in its own folder."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ BASE_IMAGE = "zengrid-test-base:bookworm"
 CERTIFICATES = Path("/etc/ssl/certs/ca-certificates.crt")
 
 
-class NoEngine(Exception):  # noqa: N818 - a reason to skip
+class NoDocker(Exception):  # noqa: N818 - a reason to skip
     """Why containers cannot be tested here."""
 
 
 @contextmanager
-def engine() -> Iterator[dict[str, str]]:
+def docker_daemon() -> Iterator[dict[str, str]]:
     """The environment in which ``docker`` finds a daemon; one that was started for it ends with it."""
     if shutil.which("docker") is None:
-        raise NoEngine("there is no docker command")
+        raise NoDocker("there is no docker command")
     if _answers({}):
         yield {}
         return
     if os.geteuid() != 0 or shutil.which("dockerd") is None:
-        raise NoEngine("no Docker daemon answers, and one can be started by root with dockerd alone")
+        raise NoDocker("no Docker daemon answers, and one can be started by root with dockerd alone")
     CACHE.mkdir(parents=True, exist_ok=True)
     at = f"unix://{CACHE}/docker.sock"
     pidfile = CACHE / "docker.pid"
@@ -44,7 +44,7 @@ def engine() -> Iterator[dict[str, str]]:
             until = time.monotonic() + 60
             while not _answers({"DOCKER_HOST": at}):
                 if daemon.poll() is not None or time.monotonic() > until:
-                    raise NoEngine(f"dockerd does not run here: {_last_line(CACHE / 'dockerd.log')}")
+                    raise NoDocker(f"dockerd does not run here: {_last_line(CACHE / 'dockerd.log')}")
                 time.sleep(0.2)
             yield {"DOCKER_HOST": at}
         finally:
@@ -89,14 +89,14 @@ def base_image(environment: dict[str, str]) -> str:
     if known.returncode == 0:
         return BASE_IMAGE
     if shutil.which("debootstrap") is None:
-        raise NoEngine("no base image: there is no debootstrap to make one")
+        raise NoDocker("no base image: there is no debootstrap to make one")
     folder = CACHE / "base"
     shutil.rmtree(folder, ignore_errors=True)
     include = "python3,python3-venv,ca-certificates,binutils"
     command = ["debootstrap", "--variant=minbase", f"--include={include}", "bookworm", str(folder)]
     made = subprocess.run(command, capture_output=True, text=True, check=False)
     if made.returncode:
-        raise NoEngine(f"no base image: debootstrap failed: {made.stdout[-500:]}")
+        raise NoDocker(f"no base image: debootstrap failed: {made.stdout[-500:]}")
     if CERTIFICATES.exists():
         shutil.copy(CERTIFICATES, folder / CERTIFICATES.relative_to("/"))
     left_out = ("usr/share/doc", "usr/share/man", "usr/share/locale", "var/cache/apt", "var/lib/apt/lists")

@@ -44,7 +44,7 @@ class Gateway:
                 if self.process.popen.poll() is not None:
                     break
             time.sleep(0.02)
-        raise AssertionError(f"{missing} did not come within {within_s:g} s; last was {last}\n{self.market.said()}")
+        raise AssertionError(f"{missing} did not come within {within_s:g} s; last was {last}\n{self.market.output()}")
 
     def ready(self) -> None:
         """Wait until it shows the market."""

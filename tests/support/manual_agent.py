@@ -1,4 +1,4 @@
-"""A market in which a test plays a home itself."""
+"""A market in which the test itself acts for one home."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from zengrid.wire.slots import FleetAction
 INSTANCE = "fedcba9876543210"
 
 
-class Hand:
-    """Sees what p1 sees, and says what it commands."""
+class ManualAgent:
+    """Receives the observations of p1, and sends its actions."""
 
     def __init__(self, market: RunningMarket, link: AgentLink) -> None:
         self._run = market.run
         self._link = link
 
-    def see(self) -> None:
+    def wait_for_observation(self) -> None:
         """Wait for the next observation."""
         assert self._link.receive() is not None
 
-    def say(self, slot: int, kw: float | list[float]) -> None:
+    def command(self, slot: int, kw: float | list[float]) -> None:
         """Command the battery in a slot of day 0."""
         battery_kw = np.atleast_1d(np.array(kw, dtype=float))
         action = FleetAction(run=self._run, day=0, slot=slot, instance=INSTANCE, battery_kw=battery_kw)
@@ -35,11 +35,11 @@ class Hand:
 
 
 @contextmanager
-def playing_p1(market: RunningMarket) -> Iterator[Hand]:
-    """Processes play all agents of a paused market but p1; everybody is ready."""
+def playing_p1(market: RunningMarket) -> Iterator[ManualAgent]:
+    """Start processes for all agents of a paused market but p1, and wait until all are ready."""
     market.start_agents("p2", "p3")
     with AgentLink("p1", market.run, market.endpoint) as link:
         link.join(JoinRequest(agent="p1", role="prosumer", instance=INSTANCE))
         link.ready()
         market.wait_for_status(lambda status: status.state == "paused", missing="the market ready")
-        yield Hand(market, link)
+        yield ManualAgent(market, link)

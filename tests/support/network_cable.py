@@ -1,4 +1,4 @@
-"""Cables between network namespaces, with latency and loss, as a process of its own: ``python cable.py NAME...``.
+"""Cables between network namespaces, with latency and loss, in a separate process: ``python network_cable.py NAME...``.
 
 Every cable is a pair of TAP devices, ``NAMEa`` and ``NAMEb``, between which this process carries frames. It does what
 ``tc netem`` would, which needs a kernel module that many machines (containers, small virtual machines) do not have.

@@ -10,7 +10,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-CABLE = Path(__file__).with_name("cable.py")
+CABLE = Path(__file__).with_name("network_cable.py")
 
 
 def why_not() -> str | None:
@@ -28,7 +28,7 @@ def why_not() -> str | None:
     return None
 
 
-class Hosts:
+class NetworkHosts:
     """A network of hosts around this one. Use it with ``with``; nothing is left of it at the end.
 
     Parameters

@@ -24,7 +24,7 @@ READY = b"Z\x00\x00\x00\x05I"
 """ReadyForQuery, outside of a transaction: what was asked for is done, and committed."""
 
 
-class Server(NamedTuple):
+class PostgresServer(NamedTuple):
     """A PostgreSQL server that listens on a socket in its own folder."""
 
     folder: Path
@@ -62,7 +62,7 @@ class Server(NamedTuple):
 
 
 @contextmanager
-def postgres_server() -> Iterator[Server]:
+def postgres_server() -> Iterator[PostgresServer]:
     """A running server with nothing in it; skips the test where there can be none."""
     pytest.importorskip("psycopg", reason="needs the extra postgres")
     found = [*Path("/usr/lib/postgresql").glob("*/bin/initdb"), *map(Path, filter(None, [shutil.which("initdb")]))]
@@ -77,12 +77,12 @@ def postgres_server() -> Iterator[Server]:
             except KeyError:
                 pytest.skip("PostgreSQL needs a user other than root, and there is no user postgres")
             shutil.chown(folder, user)
-        server = Server(Path(folder), found[0].resolve().parent)
+        server = PostgresServer(Path(folder), found[0].resolve().parent)
         data = str(server.folder / "data")
         make = [str(server.programs / "initdb"), "-D", data, "-A", "trust", "-U", "postgres", "-N"]
         subprocess.run(make, check=True, user=user, cwd=folder, stdout=subprocess.DEVNULL, timeout=120)
         with (server.folder / "data" / "pg_hba.conf").open("a") as access:
-            access.write("host all all 198.18.0.0/16 trust\n")  # networks of tests, see hosts.py
+            access.write("host all all 198.18.0.0/16 trust\n")  # networks of tests, see network_hosts.py
         server.start()
         try:
             yield server
@@ -90,10 +90,10 @@ def postgres_server() -> Iterator[Server]:
             server.stop()
 
 
-class Line:
+class BreakableConnection:
     """Passes connections on to a server. Use it with ``with``; clients connect to the socket in ``folder``."""
 
-    def __init__(self, server: Server) -> None:
+    def __init__(self, server: PostgresServer) -> None:
         self._server = server
         self._ends: list[socket.socket] = []
         self._armed = threading.Event()

@@ -20,7 +20,7 @@ from zengrid.wire.queries import Status
 DEADLINE_S = 30.0
 
 
-class Up:
+class ZengridUp:
     """A market on this machine. Use it with ``with``; nothing is left at the end."""
 
     def __init__(self, folder: Path, *options: str) -> None:
@@ -44,14 +44,14 @@ class Up:
         if self.process.popen.poll() is None:
             self.process.kill()
         if isinstance(error, (AssertionError, ZengridError)):
-            error.add_note(self.said())
+            error.add_note(self.output())
         for child in self.left():
             child.kill()
 
-    def said(self) -> str:
+    def output(self) -> str:
         """What it and its children have printed."""
         logs = sorted((self.folder / "runs").glob("*/*.log"))
-        return "\n".join([self.process.said(), *(f"--- {log.name}\n{log.read_text()}" for log in logs)])
+        return "\n".join([self.process.output(), *(f"--- {log.name}\n{log.read_text()}" for log in logs)])
 
     def children(self) -> dict[str, psutil.Process]:
         """All processes it runs now, by what ``ps`` shows."""

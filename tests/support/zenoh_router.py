@@ -1,4 +1,4 @@
-"""A Zenoh router with a standard configuration file, as ``zenohd -c FILE`` is one: ``python router.py FILE``.
+"""A Zenoh router with a standard configuration file, as ``zenohd -c FILE`` is one: ``python zenoh_router.py FILE``.
 
 ``zenohd`` itself is no Python package; a session in mode ``router`` runs the same code.
 """

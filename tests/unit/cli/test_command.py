@@ -38,12 +38,12 @@ def test_without_a_command_it_helps_and_fails(capsys: pytest.CaptureFixture[str]
     assert "usage: zengrid COMMAND" in capsys.readouterr().out
 
 
-def test_the_version(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_version_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
     assert command.main(["--version"]) == 0
     assert capsys.readouterr().out == f"zengrid {__version__}\n"
 
 
-def test_a_slip_is_understood(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_misspelt_command_gets_a_suggestion(capsys: pytest.CaptureFixture[str]) -> None:
     assert command.main(["prosummer"]) == 2
     assert capsys.readouterr().err == "zengrid: command = prosummer: unknown; did you mean prosumer?\n"
     assert command.main(["xyzzy"]) == 2

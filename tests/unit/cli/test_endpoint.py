@@ -27,7 +27,7 @@ def test_a_taken_one_is_named(taken: int) -> None:
     assert not is_free("localhost", taken)
 
 
-def test_auto_finds_one() -> None:
+def test_auto_finds_a_free_endpoint() -> None:
     found = choose_endpoint("auto")
     assert found.startswith("tcp/127.0.0.1:")
     assert choose_endpoint(found) == found

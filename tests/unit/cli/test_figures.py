@@ -18,18 +18,18 @@ def test_times_of_day(hour: float, text: str) -> None:
     ("value", "text"),
     [(0.0, "0.00"), (-0.0, "0.00"), (-1.234, "-1.23"), (1234.56, "1,234.6"), (-123456.7, "-123,457")],
 )
-def test_amounts(value: float, text: str) -> None:
+def test_amounts_are_rounded_to_their_size(value: float, text: str) -> None:
     assert amount(value) == text
     assert amount(abs(value), "+") == f"+{text.lstrip('-')}"
 
 
-def test_changes() -> None:
+def test_changes_are_in_percent_or_a_dash() -> None:
     assert change(62.0, 100.0) == "-38.0 %"
     assert change(-1.5, -1.0) == "-50.0 %"
     assert change(1.0, 0.001) == "–"
 
 
-def test_pace_and_progress() -> None:
+def test_pace_and_progress_are_written_out() -> None:
     now = status()
     assert pace(now) == "max  912 slots/s"
     assert pace(now.model_copy(update={"speed": 60.0, "slots_per_s": 0.0166})) == "60x  0.0166 slots/s"
@@ -38,7 +38,7 @@ def test_pace_and_progress() -> None:
     assert progress(now.model_copy(update={"last": None})) == "before the first slot"
 
 
-def test_one_line() -> None:
+def test_a_status_fits_in_one_line() -> None:
     now = status(refused={"late": 2, "foreign": 1})
     now = now.model_copy(update={"agents": (*now.agents[:3], agent("a2", presence="away"))})
     assert line(now) == (

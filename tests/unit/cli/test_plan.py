@@ -27,7 +27,7 @@ def understood(spec: ProcessSpec) -> argparse.Namespace:
     return options
 
 
-def test_the_clock_gets_everything() -> None:
+def test_the_clock_gets_all_its_options() -> None:
     spec = plan(
         "fontana", "--data", "homes", "--days", "7", "--seed", "3", "--speed", "0.1x", "--deadline", "1.5", "--paused",
         "--journal", "j.db", "--durability", "full", "--run", "north",

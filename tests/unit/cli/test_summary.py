@@ -39,7 +39,7 @@ def test_sums_over_a_run_whose_homes_change(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("real", "conventional", "percent"), [(62.0, 100.0, -38.0), (-3.0, -2.0, -50.0), (5.0, 0.001, None)]
 )
-def test_differences(real: float, conventional: float, percent: float | None) -> None:
+def test_a_difference_is_given_in_dollars_and_percent(real: float, conventional: float, percent: float | None) -> None:
     assert Pair(real, conventional).percent == (None if percent is None else pytest.approx(percent))
     assert Pair(real, conventional).difference == real - conventional
 
@@ -55,7 +55,9 @@ def test_the_last_run_of_a_market_is_meant(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("homes", [3, 40])
-def test_what_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str], homes: int) -> None:
+def test_the_summary_fits_small_and_large_markets(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], homes: int
+) -> None:
     place = tmp_path / "journal.db"
     with Journal.open(place) as journal:
         first = fill(begin(journal, "main-1"), homes, 20)[0]

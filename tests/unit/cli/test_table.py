@@ -98,7 +98,7 @@ def test_a_grid_agent_in_trouble_gets_a_line() -> None:
     assert "grid agent: away, fixed, 4 missed" in shown(View(now, now.homes))
 
 
-def test_before_the_first_slot() -> None:
+def test_a_market_before_its_first_slot_is_shown() -> None:
     now = status(last=None, state="waiting")
     lines = shown(View(now, None))
     assert lines[0].endswith("before the first slot")
@@ -108,5 +108,5 @@ def test_before_the_first_slot() -> None:
 @pytest.mark.parametrize(
     ("part", "text"), [(0.0, "       0%"), (0.5, "██    50%"), (1.0, "████ 100%"), (1.7, "████ 170%"), (None, "–")]
 )
-def test_bars(part: float | None, text: str) -> None:
+def test_a_bar_shows_the_state_of_charge(part: float | None, text: str) -> None:
     assert bar(part).plain == text

@@ -7,7 +7,7 @@ import numpy as np
 from zengrid_clock.latencies import BOUNDS_MS, WINDOW, Latencies
 
 
-def test_nothing_yet() -> None:
+def test_latencies_are_zero_before_the_first_slot() -> None:
     empty = Latencies().summary()
     assert empty.price_p99_ms == 0.0
     assert sum(empty.price.counts) == 0

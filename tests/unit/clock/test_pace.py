@@ -56,7 +56,7 @@ def test_a_new_speed_counts_from_now() -> None:
     assert pace.wait_s(5.5) == 0.0
 
 
-def test_the_end_is_the_end() -> None:
+def test_a_market_that_has_ended_stays_ended() -> None:
     pace = Pace(slot_s=60, speed=0, deadline_s=2)
     pace.end()
     pace.start(0.0)

@@ -140,7 +140,7 @@ BEST = best_response_milp(*BEATEN)
 
 
 @given(st.integers(0, 2**32 - 1))
-def test_no_commands_beat_it(seed: int) -> None:
+def test_no_commands_beat_the_best_response(seed: int) -> None:
     rng = np.random.default_rng(seed)
     commands = rng.uniform(-4.0, 4.0, BEATEN.pv_kw.shape) * rng.integers(0, 2, BEATEN.pv_kw.shape)
     assert np.all(settled_bill(BEATEN, commands) >= BEST.bill - 1e-6)

@@ -95,7 +95,7 @@ def test_the_meter_splits_without_loss(slot: Slot) -> None:
     assert np.all((unserved == 0.0) | (injection == -limit))
 
 
-def test_the_meter_by_hand() -> None:
+def test_the_meter_splits_power_as_computed_by_hand() -> None:
     homes = Homes.of([1.0] * 5, injection_max_kw=3.0)
     split = meter(np.array([5.0, 3.0, 0.0, -1.0, -4.0]), Market(homes, PLANT, 1.0))
     assert [column.tolist() for column in split] == [

@@ -46,7 +46,7 @@ async def framed(live: Frames, position: int) -> None:
                 return
 
 
-def test_both_notations() -> None:
+def test_an_event_is_written_for_streams_and_websockets() -> None:
     both = frame(1, [Slot(7, slot(7))], True)
     assert both.events == b'event: market\ndata: {"present":true}\n\nevent: slot\nid: 7\ndata: {"position":7}\n\n'
     assert both.messages == (
@@ -56,7 +56,7 @@ def test_both_notations() -> None:
     assert frame(2, []).events.startswith(b":")
 
 
-def test_slots_in_order(within: Callable[[Callable[[], Awaitable[None]]], None]) -> None:
+def test_slots_arrive_in_order(within: Callable[[Callable[[], Awaitable[None]]], None]) -> None:
     async def test() -> None:
         feed = Feed()
         live = Frames(feed)
@@ -77,7 +77,7 @@ def test_slots_in_order(within: Callable[[Callable[[], Awaitable[None]]], None])
     within(test)
 
 
-def test_a_flood_is_thinned(within: Callable[[Callable[[], Awaitable[None]]], None]) -> None:
+def test_a_fast_market_is_thinned(within: Callable[[Callable[[], Awaitable[None]]], None]) -> None:
     async def test() -> None:
         feed = Feed()
         live = Frames(feed)
@@ -93,7 +93,7 @@ def test_a_flood_is_thinned(within: Callable[[Callable[[], Awaitable[None]]], No
     within(test)
 
 
-def test_coming_back(within: Callable[[Callable[[], Awaitable[None]]], None]) -> None:
+def test_a_client_that_returns_gets_what_it_missed(within: Callable[[Callable[[], Awaitable[None]]], None]) -> None:
     async def test() -> None:
         feed = Feed()
         live = Frames(feed)
@@ -137,7 +137,7 @@ def test_a_market_that_begins_anew(within: Callable[[Callable[[], Awaitable[None
     within(test)
 
 
-def test_memory_is_bounded(within: Callable[[Callable[[], Awaitable[None]]], None]) -> None:
+def test_the_number_of_kept_slots_is_bounded(within: Callable[[Callable[[], Awaitable[None]]], None]) -> None:
     async def test() -> None:
         feed = Feed()
         for position in range(KEPT + 100):

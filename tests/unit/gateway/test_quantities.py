@@ -32,7 +32,7 @@ def test_the_hour_becomes_sine_and_cosine() -> None:
         ({"soc": [0.1] * (NUMBERS // 7 + 1)}, "soc"),
     ],
 )
-def test_what_cannot_be_used(given: dict[str, float | list[float]], name: str) -> None:
+def test_unusable_quantities_are_refused(given: dict[str, float | list[float]], name: str) -> None:
     with pytest.raises(QuantityError) as error:
         observations(prosumer_features("public"), given, NOW)
     assert error.value.name == name

@@ -57,7 +57,7 @@ def test_a_home_that_comes_and_goes() -> None:
     assert resampled(table, 24)["soc"].tolist() == [table["soc"][-1]]
 
 
-def test_formats() -> None:
+def test_a_table_is_written_as_csv_and_parquet() -> None:
     table = market_table(part(0, 4, ("a",)), 1.0)
     csv = pyarrow.csv.read_csv(io.BytesIO(as_file(table, "csv")))
     parquet = pyarrow.parquet.read_table(io.BytesIO(as_file(table, "parquet")))
@@ -66,7 +66,7 @@ def test_formats() -> None:
     assert csv.to_pylist() == rows(table)
 
 
-def test_nothing() -> None:
+def test_an_empty_table_is_an_empty_file() -> None:
     empty: Table = joined([])
     assert rows(resampled(empty, 24)) == []
     assert pyarrow.parquet.read_table(io.BytesIO(as_file(empty, "parquet"))).num_rows == 0

@@ -34,14 +34,14 @@ def test_a_file_that_is_no_token_file(tmp_path: Path, text: str) -> None:
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "::1", "127.1.2.3"])
-def test_loopback(host: str) -> None:
+def test_loopback_addresses_are_recognized(host: str) -> None:
     assert is_loopback(host)
     assert Settings(host=host).protected == "nothing"
     assert Settings(host=host).rate_per_s == 0
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.168.1.4", "example.org"])
-def test_beyond_this_machine(host: str) -> None:
+def test_writing_is_protected_beyond_this_machine(host: str) -> None:
     assert not is_loopback(host)
     assert Settings(host=host).protected == "writing"
     assert Settings(host=host).rate_per_s == 100

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from support.postgres import Server, postgres_server
+from support.postgres import PostgresServer, postgres_server
 from zengrid.journal import Journal
 
 
 @pytest.fixture(scope="session")
-def postgres() -> Iterator[Server]:
+def postgres() -> Iterator[PostgresServer]:
     with postgres_server() as server:
         yield server
 
@@ -22,7 +22,7 @@ def place(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     """Where an empty journal can be opened, in either kind of database."""
     if request.param == "sqlite":
         return str(tmp_path / "zengrid.db")
-    server: Server = request.getfixturevalue("postgres")
+    server: PostgresServer = request.getfixturevalue("postgres")
     return server.url(server.new_database())
 
 

@@ -74,7 +74,7 @@ def test_a_wrong_value_is_found(file: object, name: str) -> None:
         assert f": {FOUND_IN[name]}: " in "\n".join(findings)
 
 
-def test_what_is_no_number_is_found(journal: Journal) -> None:
+def test_a_value_that_is_not_finite_is_found(journal: Journal) -> None:
     run = begin(journal)
     fill(run, homes=2, count=1)
     run.commit(changed(record(2, 1), baseline_soc=np.array([0.5, np.nan]), soc=np.array([0.5, 1.5])))
@@ -92,7 +92,7 @@ def test_a_day_too_short_is_found() -> None:
     assert found == ["position 1 (day 0, slot 1) is followed by position 2 (day 1, slot 0)"]
 
 
-def test_findings_end_somewhere(journal: Journal) -> None:
+def test_the_number_of_findings_is_bounded(journal: Journal) -> None:
     run = begin(journal)
     for position in range(FINDINGS_MAX + 5):
         run.commit(changed(record(1, position), profit=1e6), roster(1) if position == 0 else None)

@@ -18,12 +18,12 @@ AGENTS = ("p1", "p2", "p3")
 def until(condition: Callable[[], bool], missing: str, market: RunningMarket, timeout_s: float = 60.0) -> None:
     end = time.monotonic() + timeout_s
     while not condition():
-        assert time.monotonic() < end, f"in vain: {missing}\n{market.said()}"
+        assert time.monotonic() < end, f"in vain: {missing}\n{market.output()}"
         time.sleep(0.02)
 
 
 def said(market: RunningMarket, text: str, times: int = 1) -> Callable[[], bool]:
-    return lambda: market.processes["clock"].said().count(text) >= times
+    return lambda: market.processes["clock"].output().count(text) >= times
 
 
 def answers(market: RunningMarket) -> bool:
@@ -81,7 +81,7 @@ def test_a_market_that_waits_for_its_journal_can_be_ended() -> None:
         until(said(market, "waiting: journal"), "the clock's word", market)
         market.processes["clock"].signal(signal.SIGTERM)
         assert market.processes["clock"].end() == 1
-        assert "can be committed again when this is mended" in market.processes["clock"].said().splitlines()[-1]
+        assert "can be committed again when this is mended" in market.processes["clock"].output().splitlines()[-1]
         away.rename(market.journal)
         market.start_clock("--resume")
         market.wait_for_slots(1, timeout_s=30)

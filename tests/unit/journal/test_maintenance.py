@@ -142,7 +142,7 @@ def test_a_copy_that_does_not_fit_leaves_nothing(file: Path, tmp_path: Path) -> 
         assert backup(journal, tmp_path / "copy.db") == 30
 
 
-def test_a_damaged_last_slot_is_told_of(file: Path, tmp_path: Path) -> None:
+def test_a_damaged_last_slot_is_reported(file: Path, tmp_path: Path) -> None:
     with Journal.open(file) as journal:
         fill(begin(journal), homes=3, count=20)
     connection = sqlite3.connect(file)
@@ -162,7 +162,7 @@ def test_a_damaged_last_slot_is_told_of(file: Path, tmp_path: Path) -> None:
     assert not (tmp_path / "copy.db").exists()
 
 
-def test_damaged_pages_are_told_of(file: Path) -> None:
+def test_damaged_pages_are_reported(file: Path) -> None:
     with Journal.open(file) as journal:
         fill(begin(journal), homes=200, count=50)
     whole = bytearray(file.read_bytes())

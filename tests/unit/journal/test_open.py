@@ -215,7 +215,7 @@ with Journal.open(sys.argv[1]) as journal:
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can become someone who may not write")
 @pytest.mark.parametrize("running", [True, False])
-def test_a_folder_that_may_only_be_read(file: Path, running: bool) -> None:
+def test_a_journal_in_a_read_only_folder_can_be_read(file: Path, running: bool) -> None:
     script = """
 import os, sys
 import zengrid.journal.sqlite
@@ -255,7 +255,7 @@ def test_the_clock_pays_for_nothing_it_does_not_need() -> None:
     assert done.stdout == "\n"
 
 
-def test_the_statements_for_sqlite_are_fresh() -> None:
+def test_the_statements_for_sqlite_are_up_to_date() -> None:
     from zengrid.journal import tables
 
     written = Path(tables.__file__).with_name("sqlite_statements.py").read_text(encoding="utf-8")

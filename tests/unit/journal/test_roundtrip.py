@@ -72,7 +72,7 @@ def test_records_and_rosters_come_back(shared_journal: Journal, data: st.DataObj
         assert block[name][0] == getattr(made, name)
 
 
-def test_a_city_comes_back(journal: Journal) -> None:
+def test_a_record_of_ten_thousand_homes_is_read_back(journal: Journal) -> None:
     run = begin(journal)
     made = record(10_000)
     run.commit(made, roster(10_000))
@@ -104,7 +104,7 @@ def test_arrays_must_fit_the_roster(journal: Journal) -> None:
     run.commit(record(3), roster(3))
 
 
-def test_no_figure_is_no_number(file: Path) -> None:
+def test_a_figure_that_is_not_finite_is_refused(file: Path) -> None:
     with Journal.open(file) as journal:
         run = begin(journal)
         with pytest.raises(JournalError, match="profit"):

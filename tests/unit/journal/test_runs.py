@@ -127,7 +127,7 @@ def test_records_are_read_in_pieces(journal: Journal) -> None:
     assert [made.position for made in journal.run().records(limit=2)] == [0, 1]
 
 
-def test_days_are_found(journal: Journal) -> None:
+def test_the_positions_of_a_day_are_found(journal: Journal) -> None:
     run = begin(journal)
     for made in records(homes=1, count=200):
         run.commit(made, roster(1) if made.position == 0 else None)

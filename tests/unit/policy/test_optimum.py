@@ -77,7 +77,7 @@ def test_each_home_alone_and_days_side_by_side_command_the_same() -> None:
                 )
 
 
-def test_a_restart_changes_nothing() -> None:
+def test_an_optimum_restarted_in_a_day_continues_unchanged() -> None:
     whole = play(optimum(), MARKET, DAYS.day(2), PRICES, 2)
     again = play(optimum(), MARKET, DAYS.day(2), PRICES, 2, soc=whole.settled[9].soc, first=10)
     assert np.array_equal(again.battery_kw, whole.battery_kw[10:])

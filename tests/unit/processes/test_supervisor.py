@@ -151,13 +151,13 @@ def test_a_killed_process_is_started_again(house: House) -> None:
     assert house.supervisor.pid("patient") not in (None, first)
 
 
-def test_it_is_told_when_it_is_started_again(house: House) -> None:
+def test_a_restarted_process_gets_its_options_for_a_restart(house: House) -> None:
     house.start("twice", again=("--again",))
     house.until(lambda: not house.supervisor.alive())
     assert house.kinds("twice") == ["started", "failed", "started", "ended"]
 
 
-def test_what_a_process_finds(house: House) -> None:
+def test_a_process_gets_its_arguments_environment_and_title(house: House) -> None:
     house.start("curious", "a b", "c", title="zengrid curious one", environment={"COLOUR": "green"})
     house.until(lambda: not house.supervisor.alive())
     assert house.log("curious").splitlines()[1:] == [

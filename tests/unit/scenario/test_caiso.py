@@ -69,7 +69,7 @@ def test_lines_are_picked_sorted_and_normalised(write: Write) -> None:
     assert [day.label for day in profiles.calendar] == ["Sat 9 Mar 2024", "Sun 10 Mar 2024", "Mon 11 Mar 2024"]
 
 
-def test_a_scenario_plays_them(write: Write) -> None:
+def test_a_scenario_uses_the_measured_days(write: Write) -> None:
     write("load.csv", table(LOAD, demand()))
     write("sun.csv", table(SUN, renewables("Solar", "NP15")))
     path = write(

@@ -191,7 +191,7 @@ def test_bytes_are_no_csv(on_csv: OnCsv) -> None:
         scenario.days()
 
 
-def test_unknown_zones_are_told(on_csv: OnCsv) -> None:
+def test_unknown_time_zones_are_refused(on_csv: OnCsv) -> None:
     text = MAY.replace("0,", "0Z,")
     with pytest.raises(ScenarioError, match=r'data.timezone = "Mars/Olympus": permitted: an IANA time zone'):
         on_csv(text, data=", timezone: Mars/Olympus").days()

@@ -45,7 +45,7 @@ def test_the_order_of_asking_does_not_matter(order: list[int]) -> None:
         same(days.day(number), fresh.days([number, *order]).slot(0))
 
 
-def test_portions_leave_no_seam(scenario: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_days_made_in_portions_are_the_same_days(scenario: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = scenario.days().days(range(9))
     monkeypatch.setattr("zengrid.scenario.days._PORTION", 1)
     same(whole, scenario.days().days(range(9)))
@@ -115,7 +115,7 @@ def test_a_seed_of_its_own_gives_a_home_other_days(paper: Scenario) -> None:
     assert not np.array_equal(days.home_day(home, 0)[1], days.home_day(home.model_copy(update={"seed": 1}), 0)[1])
 
 
-def test_unknown_profiles_are_named(paper: Scenario) -> None:
+def test_unknown_profiles_are_refused_by_name(paper: Scenario) -> None:
     with pytest.raises(ScenarioError, match=r'home p4: load.profile = "x".*prosumer1, prosumer2, prosumer3, consumer'):
         paper.days().home_day(HomeSpec(id="p4", load=LoadSpec(profile="x")), 0)
     with pytest.raises(ScenarioError, match=r'consumers.0.profiles = "x"'):
@@ -193,7 +193,7 @@ class TestSplit:
         ):
             paper.with_(**{"split.evaluation_days": 10}).days().evaluation(11)
 
-    def test_labels(self, paper: Scenario) -> None:
+    def test_days_have_labels_and_no_dates_without_measured_data(self, paper: Scenario) -> None:
         days: Days = paper.days()
         assert (days.count, days.label(12), days.date(12)) == (None, "day 12", None)
 

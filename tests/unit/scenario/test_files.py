@@ -170,7 +170,7 @@ class TestWith:
             ("noise.cloud", "noise.cloud: there is no such field; permitted: cloudiness, load_level, load_noise"),
         ],
     )
-    def test_wrong_paths_are_told(self, paper: Scenario, path: str, message: str) -> None:
+    def test_wrong_paths_are_reported(self, paper: Scenario, path: str, message: str) -> None:
         with pytest.raises(ScenarioError, match=message):
             paper.with_(**{path: 1})
 

@@ -21,7 +21,7 @@ def test_a_home_is_complete_with_pv_and_battery() -> None:
 
 
 @pytest.mark.parametrize("name", ["", "P1", "-p", "p 1", "p/1", "p" * 64, "p*", "@p"])
-def test_ids_fit_into_keys(name: str) -> None:
+def test_an_id_that_a_key_cannot_hold_is_refused(name: str) -> None:
     with pytest.raises(ValidationError):
         HomeSpec(id=name)
 

@@ -101,7 +101,7 @@ def test_bad_json_is_refused_in_one_line(payload: bytes, says: str) -> None:
         ((ACTION % "1").replace("}", ',"extra":1}').encode(), "extra = 1: Extra inputs are not permitted"),
     ],
 )
-def test_what_has_other_fields_or_types_cannot_be_read_either(payload: bytes, says: str) -> None:
+def test_read_refuses_other_fields_and_types(payload: bytes, says: str) -> None:
     with pytest.raises(WireError) as caught:
         read(FleetActionStruct, payload)
     assert says in str(caught.value)
@@ -117,7 +117,7 @@ def test_random_bytes_are_refused(payload: bytes) -> None:
 
 
 @given(st.sampled_from([JSON, BINARY]), st.data())
-def test_whatever_bytes_are_changed_a_message_or_a_wire_error_comes_of_it(encoding: str, data: st.DataObject) -> None:
+def test_changed_bytes_give_a_message_or_a_wire_error(encoding: str, data: st.DataObject) -> None:
     action = FleetAction(run="main", day=0, slot=0, instance="01234567", battery_kw=np.ones(3))
     payload = bytearray(encode(action, encoding))
     places = data.draw(st.lists(st.integers(0, len(payload) - 1), min_size=1, max_size=12))
@@ -130,7 +130,7 @@ def test_whatever_bytes_are_changed_a_message_or_a_wire_error_comes_of_it(encodi
 
 
 @given(st.data())
-def test_damaged_binary_is_refused_or_the_same(data: st.DataObject) -> None:
+def test_truncated_binary_is_refused(data: st.DataObject) -> None:
     whole = encode(FleetAction(run="main", day=0, slot=0, instance="01234567", battery_kw=np.ones(5)), BINARY)
     cut = data.draw(st.integers(0, len(whole) - 1))
     with pytest.raises(WireError):
