@@ -1,25 +1,28 @@
-"""What knowing the day in advance is worth: the optimality gap with hindsight, and against what an agent can know.
+"""The optimality gap of trained prosumers with hindsight, and against what an agent can know.
 
+    python benchmarks/foresight.py
     zengrid train paper --seeds 5 --preset thorough --out runs/thorough
-    python benchmarks/foresight.py runs/thorough --json foresight.json
+    python benchmarks/foresight.py runs/thorough
+
+Claim: docs/learning.md ("How to read the optimality gap"). Takes a minute for each pair of policies; needs no more than
+policies for the scenario ``paper``, by default those that come with zengrid.
 
 A best response knows the whole day; an agent sees its state of charge, PV, consumption and the price of the slot, and
-the time. Between them is the *informed response*: the best that such a policy is found to do, by dynamic programming
-over the same states of charge, in which what is to come is estimated by regression on what is seen now, over thousands
-of training days played under the same policies (least squares Monte Carlo: Longstaff, Schwartz, 2001, doi:
-10.1093/rfs/14.1.113). It is then played on held-out days. What the best response gains beyond it is foresight.
+the time. Between them is the *informed response*, the best policy of that kind that dynamic programming finds over the
+same states of charge. It estimates later costs by regression on what is seen now, over thousands of training days
+played under the same policies (least squares Monte Carlo: Longstaff, Schwartz, 2001, doi:10.1093/rfs/14.1.113), and is
+then played on held-out days. What the best response gains beyond it is foresight.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kit.script import parse_options, script_parser, write_results
 from zengrid.core.bounds import MOST_STATES
 from zengrid.core.home import battery_step, meter
 from zengrid.core.lattice import Lattice
@@ -27,6 +30,7 @@ from zengrid.core.levels import level_commands
 from zengrid.env.facts import market_facts
 from zengrid.learn.evaluation import Evaluator, Played
 from zengrid.policy.network import GridNetwork, ProsumerNetwork
+from zengrid.policy.trained import FOLDER as SHIPPED
 from zengrid.scenario import Scenario, load
 
 Floats = NDArray[np.float64]
@@ -36,27 +40,29 @@ RIDGE = 1e-3
 
 
 def main() -> None:
-    """Evaluate each seed of a folder."""
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("folder", type=Path, help="of zengrid train, in the scenario paper")
-    options.add_argument("--train-days", type=int, default=4096, help="to estimate from")
-    options.add_argument("--days", type=int, default=256, help="held-out days")
-    options.add_argument("--json", type=Path, help="where to write the results")
-    chosen = options.parse_args()
+    """Evaluate each pair of policies in a folder."""
+    parser = script_parser(__doc__, __file__)
+    parser.add_argument("folder", type=Path, nargs="?", default=SHIPPED, help="of zengrid train, in the scenario paper")
+    parser.add_argument("--train-days", type=int, default=4096, help="to estimate from (default: %(default)s)")
+    parser.add_argument("--days", type=int, default=256, help="held-out days (default: %(default)s)")
+    options = parse_options(parser, {"train_days": 256, "days": 16})
+    grids = sorted(options.folder.glob("best-*-grid.safetensors")) or sorted(options.folder.glob("*-grid.safetensors"))
+    if not grids:
+        raise SystemExit(f"{options.folder}: holds no file *-grid.safetensors; give a folder of zengrid train")
     paper = load("paper")
-    known, held = Evaluator(paper, paper.days().training(chosen.train_days)), Evaluator.held_out(paper, chosen.days)
-    found = {}
+    known, held = Evaluator(paper, paper.days().training(options.train_days)), Evaluator.held_out(paper, options.days)
+    results = {}
     print(f"{'':14}{'gap with hindsight [%]':>26}{'gap as informed [%]':>26}{'foresight [%]':>26}")
-    for grid in sorted(chosen.folder.glob("best-*-grid.safetensors")):
+    for grid in grids:
         name = grid.name.removeprefix("best-").removesuffix("-grid.safetensors")
-        found[name] = measure(paper, known, held, grid)
-        print(f"{name:14}" + "".join(f"{' '.join(f'{v:7.1f}' for v in row):>26}" for row in found[name].values()))
-    if chosen.json:
-        chosen.json.write_text(json.dumps(found, indent=1))
+        results[name] = measure(paper, known, held, grid)
+        columns = "".join(f"{' '.join(f'{value:7.1f}' for value in row):>26}" for row in results[name].values())
+        print(f"{name:14}{columns}")
+    write_results(options.out, percent_of_saving=results)
 
 
 def measure(paper: Scenario, known: Evaluator, held: Evaluator, grid: Path) -> dict[str, list[float]]:
-    """Gaps of one market's prosumers, in per cent of what they save."""
+    """Gaps of one market's prosumers, in percent of what they save."""
     prosumers = ProsumerNetwork.load(
         grid.with_name(grid.name.replace("-grid.", "-prosumers.")), market_facts(paper, paper.home_ids)
     )
@@ -75,7 +81,7 @@ def measure(paper: Scenario, known: Evaluator, held: Evaluator, grid: Path) -> d
 
 
 class Informed:
-    """A policy of every home that knows how days usually go on from what it sees.
+    """A policy of every home that estimates the rest of the day from what it sees.
 
     Parameters
     ----------
@@ -98,7 +104,7 @@ class Informed:
         self.leads_to = lattice.locate(after)[0] // homes.count
         day, slots = known.profile, len(played.buy_price)
         self.fits: list[Any] = [None] * slots
-        """Of each slot but the last: mean and deviation of the features, and the coefficients (home, feature, state)"""
+        """of each slot but the last: mean and deviation of the features, and coefficients (home, feature, state)"""
         for slot in range(slots - 2, -1, -1):
             cost = self.cost(slot + 1, day.pv_kw[slot + 1], day.load_kw[slot + 1], played.buy_price[slot + 1],
                              day.sell_price[slot + 1]).min(axis=2)  # fmt: skip
@@ -110,7 +116,7 @@ class Informed:
             self.fits[slot] = mean, deviation, np.linalg.solve(square, np.swapaxes(x, 1, 2) @ np.moveaxis(cost, 2, 0))
 
     def features(self, pv_kw: Floats, load_kw: Floats, buy_price: Floats) -> Floats:
-        """What a home sees in a slot, so that a line through it is a good guess, ``(day, home, feature)``."""
+        """Features of what a home sees in a slot, for a linear regression, ``(day, home, feature)``."""
         price = np.broadcast_to(buy_price[:, None], pv_kw.shape)
         above = (price - self.levels[0]) * 100.0
         plain = [np.ones_like(pv_kw), pv_kw, load_kw, pv_kw**2, load_kw**2, pv_kw * load_kw, above * pv_kw]
@@ -118,10 +124,7 @@ class Informed:
         return np.stack([*plain, above * load_kw, *levels], axis=-1)
 
     def cost(self, slot: int, pv_kw: Floats, load_kw: Floats, buy_price: Floats, sell_price: Floats) -> Floats:
-        """What each command costs from each state, what is to be expected later included; [$]
-
-        ``(day, state, level, home)``.
-        """
+        """Cost of each command from each state, expected later costs included, ``(day, state, level, home)``. [$]"""
         net_kw = (pv_kw - load_kw)[:, None, None, :]
         _, export_kw, import_kw, _, _ = meter(net_kw - self.battery_kw, self.market)
         buy, sell = buy_price[:, None, None, None], sell_price[:, None, None, None]
@@ -134,7 +137,7 @@ class Informed:
         return cost
 
     def play(self, held: Evaluator, played: Played) -> Floats:
-        """Mean bill of each home on other days under the prices that were played there, ``(home,)``. [$/day]"""
+        """Mean bill of each home on other days, under the prices played there, ``(home,)``. [$/day]"""
         day, days = held.profile, np.arange(held.chains)[:, None]
         state = np.broadcast_to(
             self.lattice.locate(self.market.homes.soc_initial[None])[0] // self.homes.size,

@@ -1,10 +1,13 @@
-"""What the gateway takes and gives while a market runs at full speed: prices, live streams, memory, stuck clients.
+"""Load on the gateway while a market runs at full speed: prices, live streams, memory, clients that do not read.
 
-    python benchmarks/gateway.py --minutes 10
+    python benchmarks/gateway.py
+    nice -n 5 python benchmarks/gateway.py --seconds 3 --minutes 10
 
-A market of the paper (clock, grid agent, three prosumers, journal on) runs as fast as it can; the gateway is one
-process with one event loop. ``wrk`` (Debian: ``apt install wrk``) asks for the price; live streams are counted by a
-client of this script, in a process of its own. Everything shares the machine: market, gateway and those who ask.
+Claim: docs/performance.md ("The gateway"). Takes 2 minutes plus ``--minutes``; needs ``wrk`` (``apt install wrk``).
+
+A market of the paper (clock, grid agent, three prosumers, journal on) runs at full speed; the gateway is one process
+with one event loop. ``wrk`` requests the price; a process of this script counts what live streams deliver. Market,
+gateway and clients share the machine.
 """
 
 from __future__ import annotations
@@ -12,7 +15,6 @@ from __future__ import annotations
 import argparse
 import asyncio
 import json
-import platform
 import re
 import shutil
 import socket
@@ -27,13 +29,16 @@ import httpx
 import numpy as np
 import psutil
 
+from kit.script import parse_options, script_parser, write_results
 from zengrid.journal import Journal
 from zengrid.testing import RunningMarket, free_port
 
+UNREAD = 50
+"""Live streams that no client reads."""
 POSITION = re.compile(rb"^id: (\d+)$", re.MULTILINE)
 
 
-class Bench:
+class MarketWithGateway:
     """A market at full speed with its gateway."""
 
     def __init__(self, stack: ExitStack) -> None:
@@ -58,7 +63,7 @@ class Bench:
         raise SystemExit(f"the gateway did not start:\n{self.market.output()}")
 
     def slots_per_s(self, seconds: float) -> float:
-        """Rate of the market over some time."""
+        """Slots a second of the market over some time."""
         first, began = self.market.client.control("status", homes=False), time.perf_counter()
         time.sleep(seconds)
         last, ended = self.market.client.control("status", homes=False), time.perf_counter()
@@ -86,10 +91,10 @@ def wrk(url: str, connections: int, seconds: float) -> dict[str, float]:
 
 
 async def watch(port: int, clients: int, seconds: float) -> dict[str, Any]:
-    """Follow the market with so many clients; tells now and then what the slowest of them has seen."""
+    """Follow the live stream with so many clients; samples the newest slot that all of them have seen."""
     newest = [-1] * clients
     frames = 0
-    everybody = asyncio.Event()
+    all_connected = asyncio.Event()
 
     async def follow(index: int) -> None:
         nonlocal frames
@@ -101,10 +106,10 @@ async def watch(port: int, clients: int, seconds: float) -> dict[str, Any]:
                 frames += 1
                 newest[index] = int(found[-1])
                 if min(newest) >= 0:
-                    everybody.set()
+                    all_connected.set()
 
     tasks = [asyncio.create_task(follow(index)) for index in range(clients)]
-    await everybody.wait()
+    await all_connected.wait()
     frames, began = 0, time.monotonic()
     samples = []
     while time.monotonic() < began + seconds:
@@ -116,7 +121,7 @@ async def watch(port: int, clients: int, seconds: float) -> dict[str, Any]:
 
 
 def behind(journal: Path, samples: list[tuple[float, int]]) -> dict[str, float]:
-    """How long ago the first slot that the slowest client has not seen was settled. [s]"""
+    """Age of the oldest slot that the slowest client has not seen yet. [s]"""
     run = Journal.open(journal, read_only=True).run()
     settled = np.concatenate([block["settled_at"] for block in run.blocks(homes=False)])
     late = [max(now - settled[position + 1], 0.0) for now, position in samples if position + 1 < len(settled)]
@@ -124,13 +129,13 @@ def behind(journal: Path, samples: list[tuple[float, int]]) -> dict[str, float]:
 
 
 def watchers(port: int, clients: int, seconds: float) -> subprocess.Popen[str]:
-    """The same in a process of its own."""
+    """``watch`` in a process of its own, which prints its result as JSON."""
     command = [sys.executable, __file__, "--watch", str(port), str(clients), str(seconds)]
     return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
 
 
-def stuck(port: int, count: int) -> list[socket.socket]:
-    """Clients that ask for the live stream and never read it."""
+def open_unread_streams(port: int, count: int) -> list[socket.socket]:
+    """Clients that request the live stream and never read it."""
     clients = []
     for _ in range(count):
         client = socket.create_connection(("127.0.0.1", port))
@@ -140,62 +145,75 @@ def stuck(port: int, count: int) -> list[socket.socket]:
     return clients
 
 
-def measure(seconds: float, minutes: float) -> dict[str, Any]:
-    """All of it."""
+def measure(seconds: float, minutes: float, clients: int) -> dict[str, Any]:
+    """Run a market with its gateway and put all kinds of load on it, one after the other."""
     results: dict[str, Any] = {}
     with ExitStack() as stack:
-        bench = Bench(stack)
+        bench = MarketWithGateway(stack)
         results["market_alone_slots_per_s"] = bench.slots_per_s(seconds)
         gateway = bench.start_gateway()
         results["market_with_gateway_slots_per_s"] = bench.slots_per_s(seconds)
-        results["memory_at_start_mb"] = gateway.memory_info().rss / 2**20
+        results["memory_at_start_mb"] = memory_mb(gateway)
         results["price"] = wrk(bench.url, 16, seconds)
-        streams = watchers(bench.port, 500, seconds)
-        time.sleep(2.0)
-        results["market_with_500_streams_slots_per_s"] = bench.slots_per_s(seconds)
-        seen = json.loads(streams.communicate()[0])
-        late = behind(bench.market.journal, seen["samples"])
-        results["streams"] = {"clients": 500, "frames_per_s": seen["frames_per_s"], **late}
-        clients = stuck(bench.port, 50)
-        results["price_beside_50_stuck_streams"] = wrk(bench.url, 16, seconds)
-        results["memory_with_stuck_streams_mb"] = gateway.memory_info().rss / 2**20
-        for client in clients:
+        results |= measure_streams(bench, seconds, clients)
+        unread = open_unread_streams(bench.port, UNREAD)
+        results["price_beside_unread_streams"] = wrk(bench.url, 16, seconds)
+        results["memory_with_unread_streams_mb"] = memory_mb(gateway)
+        for client in unread:
             client.close()
-        if results["price"]["errors"] or results["price_beside_50_stuck_streams"]["errors"]:
-            raise SystemExit(f"some answers were errors:\n{json.dumps(results)}\n{bench.market.output()}")
-        memory = []
-        until = time.monotonic() + 60.0 * minutes
-        while time.monotonic() < until:
-            load = watchers(bench.port, 20, 4.0)
-            wrk(bench.url, 4, 4.0)
-            load.communicate()
-            memory.append(gateway.memory_info().rss / 2**20)
-        if memory:
-            half = memory[len(memory) // 2]
-            results["memory_over_time_mb"] = {"minutes": minutes, "first": memory[0], "half": half, "last": memory[-1]}
+        if results["price"]["errors"] or results["price_beside_unread_streams"]["errors"]:
+            raise SystemExit(f"some responses were errors:\n{json.dumps(results)}\n{bench.market.said()}")
+        results["memory_over_time_mb"] = watch_memory(bench, gateway, minutes)
     alone = results["market_alone_slots_per_s"]
-    results["market_kept_with_500_streams"] = results["market_with_500_streams_slots_per_s"] / alone
+    results["market_kept_with_streams"] = results["market_with_streams_slots_per_s"] / alone
     return results
 
 
+def measure_streams(bench: MarketWithGateway, seconds: float, clients: int) -> dict[str, Any]:
+    """Speed of the market and delay of the slowest client, with so many live streams."""
+    streams = watchers(bench.port, clients, seconds)
+    time.sleep(2.0)
+    slots_per_s = bench.slots_per_s(seconds)
+    seen = json.loads(streams.communicate()[0])
+    late = behind(bench.market.journal, seen["samples"])
+    return {
+        "market_with_streams_slots_per_s": slots_per_s,
+        "streams": {"clients": clients, "frames_per_s": seen["frames_per_s"], **late},
+    }
+
+
+def watch_memory(bench: MarketWithGateway, gateway: psutil.Process, minutes: float) -> dict[str, float]:
+    """Memory at the beginning, in the middle and at the end of some minutes of requests and streams. [MiB]"""
+    memory: list[float] = []
+    until = time.monotonic() + 60.0 * minutes
+    while not memory or time.monotonic() < until:
+        load = watchers(bench.port, 20, 4.0)
+        wrk(bench.url, 4, 4.0)
+        load.communicate()
+        memory.append(memory_mb(gateway))
+    return {"minutes": minutes, "first": memory[0], "half": memory[len(memory) // 2], "last": memory[-1]}
+
+
+def memory_mb(process: psutil.Process) -> float:
+    """Resident memory. [MiB]"""
+    return float(process.memory_info().rss) / 2**20
+
+
 def main() -> None:
-    """Measure, print, and write a JSON file."""
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("--seconds", type=float, default=10.0, help="of each measurement (default: %(default)g)")
-    options.add_argument("--minutes", type=float, default=1.0, help="how long memory is watched (default: %(default)g)")
-    options.add_argument("--out", type=Path, default=Path("benchmarks/results/gateway.json"))
-    options.add_argument("--watch", nargs=3, metavar=("PORT", "CLIENTS", "SECONDS"), help=argparse.SUPPRESS)
-    chosen = options.parse_args()
-    if chosen.watch:
-        port, clients, seconds = chosen.watch
+    """Measure, print, write the figures."""
+    parser = script_parser(__doc__, __file__)
+    parser.add_argument("--seconds", type=float, default=10.0, help="of each measurement (default: %(default)g)")
+    parser.add_argument("--minutes", type=float, default=1.0, help="how long memory is watched (default: %(default)g)")
+    parser.add_argument("--clients", type=int, default=500, help="live streams (default: %(default)s)")
+    parser.add_argument("--watch", nargs=3, metavar=("PORT", "CLIENTS", "SECONDS"), help=argparse.SUPPRESS)
+    options = parse_options(parser, {"seconds": 1.0, "minutes": 0.1, "clients": 20})
+    if options.watch:
+        port, clients, seconds = options.watch
         print(json.dumps(asyncio.run(watch(int(port), int(clients), float(seconds)))))
         return
-    results = measure(chosen.seconds, chosen.minutes)
-    machine = {"python": platform.python_version(), "cpus": psutil.cpu_count(), "system": platform.platform()}
-    text = json.dumps({"machine": machine, "results": results}, indent=1)
-    print(text)
-    chosen.out.parent.mkdir(parents=True, exist_ok=True)
-    chosen.out.write_text(text + "\n", encoding="utf-8")
+    results = measure(options.seconds, options.minutes, options.clients)
+    print(json.dumps(results, indent=1))
+    write_results(options.out, results=results)
 
 
 if __name__ == "__main__":

@@ -1,10 +1,13 @@
-"""What it costs to commit a slot to the journal: ``python benchmarks/journal.py --homes 3 10000 --out FILE``."""
+"""Time to commit a slot to the journal, by homes and durability.
+
+    python benchmarks/journal.py
+
+Claims: docs/journal.md ("What it costs"), docs/performance.md. Takes 2 minutes; needs disk space in the current folder,
+whose disk is measured.
+"""
 
 from __future__ import annotations
 
-import argparse
-import json
-import platform
 import sqlite3
 import tempfile
 import time
@@ -13,6 +16,7 @@ from typing import Literal
 
 import numpy as np
 
+from kit.script import parse_options, script_parser, write_results
 from zengrid.core.params import Facilities, Homes, Market
 from zengrid.core.settle import settle
 from zengrid.core.state import Action, Exogenous
@@ -23,7 +27,7 @@ PATTERNS = 16
 """Different slots that are committed in turn."""
 
 
-def pattern(homes: int, rng: np.random.Generator) -> SlotRecord:
+def settled_slot(homes: int, rng: np.random.Generator) -> SlotRecord:
     """A settled slot of a market of any size."""
     market = Market(
         Homes.of(np.full(homes, 8.0)), Facilities.of([20.0, 50.0 + 10.0 * homes], [0.03, 0.3]), dt_h=24 / SLOTS_PER_DAY
@@ -38,10 +42,10 @@ def pattern(homes: int, rng: np.random.Generator) -> SlotRecord:
     return SlotRecord.of(0, 0, 0, 0.0, 0.08, day, settled, settled, np.zeros(homes, np.bool_), False, 1)
 
 
-def commit_us(place: Path, homes: int, slots: int, durability: Literal["normal", "full"]) -> dict[str, float]:
-    """Time of each commit of a run. [us]"""
+def time_commits(place: Path, homes: int, slots: int, durability: Literal["normal", "full"]) -> dict[str, float]:
+    """Commit so many slots; figures of the time each took [us], and bytes on disk."""
     rng = np.random.default_rng(0)
-    patterns = [pattern(homes, rng) for _ in range(PATTERNS)]
+    patterns = [settled_slot(homes, rng) for _ in range(PATTERNS)]
     names = tuple(f"h{i}" for i in range(homes))
     roster = Roster(1, names, tuple({"id": name} for name in names), ())
     times = np.empty(slots)
@@ -69,28 +73,25 @@ def commit_us(place: Path, homes: int, slots: int, durability: Literal["normal",
 
 
 def main() -> None:
-    """Measure, print a table, and write JSON where asked to."""
-    options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--homes", type=int, nargs="+", default=[3, 100, 10_000])
-    options.add_argument("--slots", type=int, default=20_000, help="for 3 homes; fewer for more")
-    options.add_argument("--out", type=Path)
-    asked = options.parse_args()
+    """Measure, print a table, write the figures."""
+    parser = script_parser(__doc__, __file__)
+    parser.add_argument("--homes", type=int, nargs="+", default=[3, 100, 10_000])
+    parser.add_argument("--slots", type=int, default=20_000, help="for 3 homes; fewer for more (default: %(default)s)")
+    options = parse_options(parser, {"homes": [3], "slots": 1000})
     results = []
     print(f"{'homes':>6} {'durability':>10} {'slots':>6} {'median':>9} {'p99':>9} {'max':>10} {'mean':>9}  us a commit")
-    for homes in asked.homes:
+    for homes in options.homes:
         for durability in ("normal", "full"):
-            slots = max(200, min(asked.slots, asked.slots * 50 // homes) // (5 if durability == "full" else 1))
+            slots = max(200, min(options.slots, options.slots * 50 // homes) // (5 if durability == "full" else 1))
             with tempfile.TemporaryDirectory(dir=".") as folder:
-                result = commit_us(Path(folder) / "journal.db", homes, slots, durability)
+                result = time_commits(Path(folder) / "journal.db", homes, slots, durability)
             results.append({"homes": homes, "durability": durability, "slots": slots, **result})
             print(
                 f"{homes:6} {durability:>10} {slots:6} {result['median_us']:9.0f} {result['p99_us']:9.0f} "
                 f"{result['max_us']:10.0f} {result['mean_us']:9.0f}",
                 flush=True,
             )
-    if asked.out:
-        about = {"python": platform.python_version(), "sqlite": sqlite3.sqlite_version, "machine": platform.machine()}
-        asked.out.write_text(json.dumps({"about": about, "results": results}, indent=2) + "\n", encoding="utf-8")
+    write_results(options.out, sqlite=sqlite3.sqlite_version, results=results)
 
 
 if __name__ == "__main__":

@@ -1,51 +1,48 @@
 """What agents that start from nothing learn in a live market: figures beside the market without demand response.
 
-    python benchmarks/live_learning.py --seeds 2 --minutes 30 --svg docs/img/learning-live.svg
+    python benchmarks/live_learning.py --seeds 5 --minutes 4 --svg docs/img/learning-live.svg
 
-Each seed is a market as its users run it: ``zengrid up --learn`` at full speed, one process an agent, journal on. The
-curve is read from the journal, over windows of four weeks; the last of them counts as the result.
+Claim: docs/learning-live.md. Takes ``--seeds`` times ``--minutes``; needs torch.
+
+Each seed is a market as users run it: ``zengrid up --learn`` at full speed, one process an agent, journal on. The curve
+is read from the journal, over windows of four weeks; the last window counts as the result.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
-import os
-import platform
 import signal
-import subprocess
-import sys
 import tempfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 
+from kit.market import UpMarket
+from kit.script import parse_options, script_parser, write_results
 from zengrid.journal import Journal
-from zengrid.testing import free_endpoint
 
 WINDOW_DAYS = 28
-UP = ("--learn", "--policy", "conventional", "--grid-policy", "fixed", "--speed", "max", "--no-http", "--quiet")
+UP = ("--learn", "--policy", "conventional", "--grid-policy", "fixed", "--speed", "max", "--no-http")
 
 
-def run(seed: int, minutes: float, explore: int, folder: Path) -> dict[str, Any]:
-    """One market for some time."""
-    command = [str(Path(sys.executable).with_name("zengrid")), "up", "paper", *UP, "--listen", free_endpoint()]
-    command += ["--seed", str(seed), "--learn-seed", str(seed), "--explore", str(explore)]
-    command += ["--journal", str(folder / "journal.db"), "--logs", str(folder / "logs")]
-    market = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-    try:
-        market.wait(60.0 * minutes)
-        raise SystemExit(f"the market of seed {seed} ended by itself, exit code {market.returncode}")
-    except subprocess.TimeoutExpired:
-        market.send_signal(signal.SIGTERM)
-    market.communicate(timeout=120.0)
-    return {"seed": seed, **read(folder / "journal.db")}
+def run_market(seed: int, minutes: float, explore: int, folder: Path) -> dict[str, Any]:
+    """Run one market for some minutes; its curve."""
+    seeds = ("--seed", str(seed), "--learn-seed", str(seed), "--explore", str(explore))
+    with UpMarket("paper", folder, *UP, *seeds) as market:
+        try:
+            market.up.wait(60.0 * minutes)
+        except psutil.TimeoutExpired:
+            market.up.send_signal(signal.SIGTERM)
+        else:
+            raise SystemExit(f"seed {seed}: the market ended before its time:\n{market.printed()}")
+        market.wait_for_end(120.0)
+    return {"seed": seed, **read(market.journal)}
 
 
 def read(journal: Path) -> dict[str, Any]:
-    """The curve of a journal: changes in percent, window after window."""
-    with Journal.open(str(journal), read_only=True) as opened:
+    """The curve of a journal: changes against the baseline in percent, window after window."""
+    with Journal.open(journal, read_only=True) as opened:
         view = opened.run()
         columns: dict[str, list[Any]] = {}
         for block in view.blocks():
@@ -115,35 +112,36 @@ def draw(curves: list[dict[str, Any]], path: Path) -> None:
 
 
 def main() -> None:
-    """Run the markets one after the other; print what came of each, and write everything."""
-    it = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    it.add_argument("--seeds", type=int, default=2)
-    it.add_argument("--first-seed", type=int, default=0)
-    it.add_argument("--minutes", type=float, default=30.0)
-    it.add_argument("--explore", type=int, default=12_000, metavar="SLOTS")
-    it.add_argument("--json", type=Path, default=Path("live_learning.json"))
-    it.add_argument("--svg", type=Path)
-    options = it.parse_args()
+    """Run the markets one after the other; print how each ended, and write everything."""
+    parser = script_parser(__doc__, __file__)
+    parser.add_argument("--seeds", type=int, default=2)
+    parser.add_argument("--first-seed", type=int, default=0)
+    parser.add_argument("--minutes", type=float, default=30.0, help="of each market (default: %(default)g)")
+    parser.add_argument(
+        "--explore", type=int, default=12_000, metavar="SLOTS", help="how long agents explore (default: %(default)s)"
+    )
+    parser.add_argument("--svg", type=Path, metavar="FILE", help="where to draw the curves")
+    options = parse_options(parser, {"seeds": 1, "minutes": 0.5, "explore": 500})
     curves = []
     for seed in range(options.first_seed, options.first_seed + options.seeds):
         with tempfile.TemporaryDirectory() as name:
-            curves.append(run(seed, options.minutes, options.explore, Path(name)))
-        curve = curves[-1]
-        bills = " ".join(f"{bill:+.0f}" for bill in curve["bills_percent"][-1])
-        print(
-            f"seed {seed}: {curve['slots']} slots, {curve['slots_per_s']} a second, "
-            f"{curve['slots_with_a_fallback']} with a fallback; at the end bills {bills} %, profit "
-            f"{curve['profit_percent'][-1]:+.0f} %, reserve {curve['reserve_percent'][-1]:+.0f} %; "
-            f"all better from minute {better_from(curve)}",
-            flush=True,
-        )
-        result = {
-            "explore": options.explore, "window_days": WINDOW_DAYS, "cpus": os.cpu_count(),
-            "machine": platform.platform(), "curves": curves,
-        }  # fmt: skip
-        options.json.write_text(json.dumps(result, indent=1))
+            curves.append(run_market(seed, options.minutes, options.explore, Path(name)))
+        print(f"seed {seed}: {describe(curves[-1])}", flush=True)
+        write_results(options.out, explore=options.explore, window_days=WINDOW_DAYS, curves=curves)
     if options.svg:
         draw(curves, options.svg)
+
+
+def describe(curve: dict[str, Any]) -> str:
+    """How a market ended, in one line."""
+    speed = f"{curve['slots']} slots, {curve['slots_per_s']} a second, {curve['slots_with_a_fallback']} with a fallback"
+    if not curve["minutes"]:
+        return f"{speed}; less than one window of {WINDOW_DAYS} days"
+    bills = " ".join(f"{bill:+.0f}" for bill in curve["bills_percent"][-1])
+    return (
+        f"{speed}; at the end bills {bills} %, profit {curve['profit_percent'][-1]:+.0f} %, reserve "
+        f"{curve['reserve_percent'][-1]:+.0f} %; all better from minute {better_from(curve)}"
+    )
 
 
 if __name__ == "__main__":

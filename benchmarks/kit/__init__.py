@@ -1,0 +1,1 @@
+"""What the benchmarks share: options and results of a script, rounds in alternation, a market under measurement."""
