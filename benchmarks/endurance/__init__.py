@@ -1,0 +1,1 @@
+"""Parts of soak.py: the market under observation, the faults, and the audit afterwards."""
