@@ -29,7 +29,7 @@ Simulator: Any = import_module("mosaik_api_v3").Simulator if find_spec("mosaik_a
 
 
 def meta(model: str, params: list[str], attributes: list[str]) -> dict[str, Any]:
-    """What mosaik is told about a simulator that steps once a slot."""
+    """Description of a simulator that steps once a slot, as mosaik wants it."""
     described = {"public": True, "params": params, "attrs": attributes}
     return {"api_version": "3.0", "type": "time-based", "models": {model: described}}
 

@@ -174,9 +174,9 @@ def result(environment: Environment, first: float, slots_s: float) -> dict[str, 
 
 def report(system: str, homes: int, began: float, run: dict[str, Any], **figures: float) -> None:
     """Check the settlement of a run, and print its figures as one line of JSON."""
-    said = check_settlement(homes, run["profits"], run["bills"])
+    checked = check_settlement(homes, run["profits"], run["bills"])
     row = {"system": system, "homes": homes, "slots_s": run["slots_s"], "first_slot_s": run["first"] - began}
-    print(json.dumps({**row, **figures, "settlement": said}))
+    print(json.dumps({**row, **figures, "settlement": checked}))
 
 
 def free_port() -> int:
