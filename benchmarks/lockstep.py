@@ -46,7 +46,10 @@ PEER_SLOTS = {3: 600, 10: 200, 30: 60}
 """Slots that count in a peer's run, by homes."""
 ZENOH_SLOTS_FACTOR = 5
 """Bare Zenoh is faster, so it plays more of them."""
+PEER_TIMEOUT_S = 120.0
+"""A peer's run that takes longer has failed. [s]"""
 CHECKED_SLOTS = 240
+"""Slots of a zengrid run whose profits are compared with the core's."""
 
 
 def main() -> None:
@@ -136,7 +139,7 @@ def measure_peer(name: str, homes: int) -> Row:
     script, *words = PEER_SCRIPTS[name]
     slots = PEER_SLOTS.get(homes, 60) * (ZENOH_SLOTS_FACTOR if name == "bare Zenoh" else 1)
     command = [sys.executable, str(PEERS / script), *words, "--homes", str(homes)]
-    command += ["--slots", str(slots), "--warm-up", str(max(10, slots // 10))]
+    command += ["--slots", str(slots), "--warm-up", str(max(10, slots // 10)), "--timeout", str(PEER_TIMEOUT_S)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         print(f"{name}, {homes} homes, failed: {done.stderr[-1000:]}", file=sys.stderr)

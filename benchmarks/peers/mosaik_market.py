@@ -12,6 +12,7 @@ the settlement equals zengrid's core.
 from __future__ import annotations
 
 import json
+import os
 import sys
 import tempfile
 import threading
@@ -21,6 +22,8 @@ from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
+
+import psutil
 
 from agent_rules import battery_kw, buy_price
 
@@ -169,7 +172,10 @@ def main() -> None:
         world.start()
         world.join(options.timeout)
         if world.is_alive():
-            raise SystemExit(f"mosaik did not end within {options.timeout:g} s")
+            print(f"mosaik did not end within {options.timeout:g} s", file=sys.stderr, flush=True)
+            for simulator in psutil.Process().children(recursive=True):
+                simulator.kill()
+            os._exit(1)  # not even an ordinary exit ends mosaik's event loop
         if not result.exists():
             raise SystemExit("mosaik ended without a result")
         report("mosaik", options.homes, began, json.loads(result.read_text()))
