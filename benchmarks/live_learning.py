@@ -27,9 +27,11 @@ UP = ("--learn", "--policy", "conventional", "--grid-policy", "fixed", "--speed"
 
 
 def run_market(seed: int, minutes: float, explore: int, folder: Path) -> dict[str, Any]:
-    """Run one market for some minutes; its curve."""
+    """Run one market for some minutes from its first slot on; its curve."""
     seeds = ("--seed", str(seed), "--learn-seed", str(seed), "--explore", str(explore))
     with UpMarket("paper", folder, *UP, *seeds) as market:
+        with market.client() as client:
+            market.wait_for_slots(client, 1)  # loading torch does not count
         try:
             market.up.wait(60.0 * minutes)
         except psutil.TimeoutExpired:

@@ -95,7 +95,7 @@ def table(rounds: list[list[Row]]) -> str:
 
 def main() -> None:
     """Measure, print the table, write the figures."""
-    options = parse_options(make_parser(), {"seconds": 1.0, "rounds": 1, "cut": 2.0})
+    options = parse_options(make_parser(), {"seconds": 1.0, "rounds": 1})
     reason = why_not()
     if reason is not None:
         raise SystemExit(f"network.py: {reason}")

@@ -22,7 +22,7 @@ from zengrid.scenario import load
 from zengrid.testing import free_endpoint
 from zengrid.wire.requests import Status
 
-START_S = 60.0
+START_S = 120.0
 """How long a market may take to settle its first slots. [s]"""
 
 
