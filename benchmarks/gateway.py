@@ -162,7 +162,7 @@ def measure(seconds: float, minutes: float, clients: int) -> dict[str, Any]:
         for client in unread:
             client.close()
         if results["price"]["errors"] or results["price_beside_unread_streams"]["errors"]:
-            raise SystemExit(f"some responses were errors:\n{json.dumps(results)}\n{bench.market.said()}")
+            raise SystemExit(f"some responses were errors:\n{json.dumps(results)}\n{bench.market.output()}")
         results["memory_over_time_mb"] = watch_memory(bench, gateway, minutes)
     alone = results["market_alone_slots_per_s"]
     results["market_kept_with_streams"] = results["market_with_streams_slots_per_s"] / alone

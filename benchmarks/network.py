@@ -5,7 +5,7 @@
 Claim: docs/several-machines.md ("What distance costs"). Takes 5 minutes; needs root, the command ``ip`` and
 /dev/net/tun.
 
-The other machine is a network namespace at the end of a cable with latency and loss (``tests/support/hosts.py``; no
+The other machine is a network namespace at the end of a cable with latency and loss (tests/support/network_hosts.py; no
 ``tc netem`` needed). All four agents of the paper's market are there, with certificates; clock and journal are here.
 At the end of a round the cable is cut for a while.
 """
@@ -24,10 +24,10 @@ from kit.rounds import markdown, median, median_and_range
 from kit.script import ROOT, parse_options, script_parser, write_results
 
 sys.path.append(str(ROOT / "tests"))
-from support.certs import make_certs
-from support.hosts import Hosts, why_not
-from zengrid.testing import Market, free_port
-from zengrid.wire.requests import Status
+from support.certificate_folders import make_certs
+from support.network_hosts import NetworkHosts, why_not
+from zengrid.testing import RunningMarket, free_port
+from zengrid.wire.queries import Status
 
 CABLES = ((0, 0), (1, 0), (5, 0), (20, 0), (50, 0), (100, 0), (20, 1), (20, 5), (100, 1))
 """Round trip [ms] and loss each way [%]."""
@@ -36,7 +36,7 @@ AGENTS = ("grid", "p1", "p2", "p3")
 Row = dict[str, Any]
 
 
-def status(market: Market) -> tuple[float, Status]:
+def status(market: RunningMarket) -> tuple[float, Status]:
     """The state of the market, and when it was asked for. [s]"""
     return time.monotonic(), market.client.control("status", homes=False)
 
@@ -52,12 +52,12 @@ def between(before: tuple[float, Status], after: tuple[float, Status]) -> Row:
     }
 
 
-def wait_for_all_agents(market: Market) -> None:
+def wait_for_all_agents(market: RunningMarket) -> None:
     """Wait for a slot in which all agents acted."""
     market.wait_for_slot(lambda slot: set(AGENTS) <= set(slot.acted), 60, "a slot in which all agents acted")
 
 
-def one_round(hosts: Hosts, market: Market, seconds: float, cut_s: float) -> list[Row]:
+def one_round(hosts: NetworkHosts, market: RunningMarket, seconds: float, cut_s: float) -> list[Row]:
     """All cables in turn, then the cut."""
     rows: list[Row] = []
     for round_trip_ms, loss_percent in CABLES:
@@ -102,7 +102,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name, NetworkHosts("there") as hosts:
         with contextlib.redirect_stdout(sys.stderr):
             certs = make_certs(Path(name) / "certs", "--host", hosts.here)
-        market = Market("paper", ("--deadline", str(options.deadline), "--wait", "60"), certs=certs)
+        market = RunningMarket("paper", ("--deadline", str(options.deadline), "--wait", "60"), certs=certs)
         market.endpoint = f"tls/{hosts.here}:{free_port()}"
         with market:
             for agent in AGENTS:

@@ -12,10 +12,10 @@ from urllib.error import URLError
 from urllib.request import urlopen
 
 from endurance.observer import RECOVERY_S, ObservedSlot, Observer
-from zengrid.bus.client import Client
+from zengrid.bus.market_client import MarketClient
 from zengrid.errors import ZengridError
 from zengrid.scenario import HomeSpec
-from zengrid.wire.spawner import SpawnRequest, StopRequest
+from zengrid.wire.spawner_queries import SpawnRequest, StopRequest
 
 KILLS_A_MINUTE = 3
 """How often one process may be killed: ``zengrid up`` gives up one that fails six times within a minute."""
@@ -65,7 +65,7 @@ class FaultInjector:
         Draws the faults.
     """
 
-    def __init__(self, observer: Observer, client: Client, price_url: str, rng: random.Random) -> None:
+    def __init__(self, observer: Observer, client: MarketClient, price_url: str, rng: random.Random) -> None:
         self.observer, self.client, self.price_url, self.random = observer, client, price_url, rng
         self.findings: list[str] = []
         self._kills: dict[str, list[float]] = defaultdict(list)

@@ -15,12 +15,12 @@ import psutil
 import yaml
 
 from kit.rounds import Row
-from zengrid.bus.client import Client
+from zengrid.bus.market_client import MarketClient
 from zengrid.errors import BusError
 from zengrid.journal import Journal
 from zengrid.scenario import load
 from zengrid.testing import free_endpoint
-from zengrid.wire.requests import Status
+from zengrid.wire.queries import Status
 
 START_S = 120.0
 """How long a market may take to settle its first slots. [s]"""
@@ -66,9 +66,9 @@ class UpMarket:
         """What the command has printed."""
         return self.output.read_text(errors="replace")
 
-    def client(self) -> Client:
+    def client(self) -> MarketClient:
         """An operator of this market."""
-        return Client("main", self.endpoint, certs=self.certs, timeout_s=START_S)
+        return MarketClient("main", self.endpoint, certs=self.certs, timeout_s=START_S)
 
     def processes(self) -> list[psutil.Process]:
         """The command itself and all its children."""
@@ -77,7 +77,7 @@ class UpMarket:
         except psutil.NoSuchProcess:
             return [self.up]
 
-    def wait_for_slots(self, client: Client, slots: int) -> Status:
+    def wait_for_slots(self, client: MarketClient, slots: int) -> Status:
         """Wait until so many slots are settled; a clock that has just begun to listen may not answer yet."""
         until = time.monotonic() + START_S
         while time.monotonic() < until:
