@@ -14,6 +14,7 @@ from zengrid.core.bounds import best_response
 from zengrid.core.levels import level_commands, level_fractions
 from zengrid.env.single import MarketEnv
 from zengrid.policy.file import Layer, PolicyFile
+from zengrid.scenario import Days
 
 slots = int(sys.argv[1]) if len(sys.argv) > 1 else 20_000
 home, prices = "p2", "tou:0.05,18:00=0.09,19:00=0.10,22:00=0.08,23:00=0.05"
@@ -64,7 +65,7 @@ rule = play(conventional)
 # The best that these commands could have done, knowing every day in advance.
 episode = market("evaluation").episode
 place = episode.agents.index(home) - 1
-days = episode.scenario.days().days(range(32))
+days = Days(episode.scenario).days(range(32))
 one = episode.market.with_homes(episode.market.homes.take([place]))
 pv_kw, load_kw = (np.swapaxes(column[..., [place]], 0, 1) for column in (days.pv_kw, days.load_kw))
 schedule = np.array([0.05] * 18 + [0.09] + [0.10] * 3 + [0.08] + [0.05])

@@ -88,11 +88,11 @@ def export(
 
 
 def _load(name: str, data: Path | None, seed: int | None) -> tuple[Scenario, Days]:
-    from zengrid.scenario import load
+    from zengrid.scenario import Days, load
 
     try:
         scenario = load(name, data=data, seed=seed)
-        return scenario, scenario.days()
+        return scenario, Days(scenario)
     except ScenarioError as error:
         raise _refused(error) from None
 

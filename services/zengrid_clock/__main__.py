@@ -133,7 +133,7 @@ def open_clock(options: argparse.Namespace, stack: ExitStack) -> Clock:
     from zengrid import __version__
     from zengrid.bus.clock_link import ClockLink
     from zengrid.journal import Journal
-    from zengrid.scenario import load
+    from zengrid.scenario import Days, dumps, load
     from zengrid_clock.clock import Clock, ClockSettings
     from zengrid_clock.retention import Retention
 
@@ -149,7 +149,7 @@ def open_clock(options: argparse.Namespace, stack: ExitStack) -> Clock:
     # The hub first: agents that start at the same time can connect while the rest is made ready.
     hub = stack.enter_context(ClockLink(options.run, options.listen, certs=options.certs, insecure=options.insecure))
     scenario = load(options.scenario, data=options.data, seed=options.seed).with_(soc_reset=options.soc_reset)
-    days = scenario.days()
+    days = Days(scenario)
     journal = stack.enter_context(Journal.open(options.journal, durability=options.durability))
 
     def keeping(clock: Clock) -> Clock:
@@ -163,7 +163,7 @@ def open_clock(options: argparse.Namespace, stack: ExitStack) -> Clock:
         clock.resume()
         return keeping(clock)
     name = f"{options.run}-{len(earlier) + 1}"
-    run = journal.begin(name, scenario.dump(), seed=scenario.seed, dt_h=scenario.dt_h, version=__version__)
+    run = journal.begin(name, dumps(scenario), seed=scenario.seed, dt_h=scenario.dt_h, version=__version__)
     clock = Clock(scenario, days, hub, run, settings)
     clock.event_log.log("info", "run begins", journal=name, scenario=scenario.name, seed=scenario.seed)
     return keeping(clock)

@@ -21,6 +21,7 @@ from zengrid.bus.clock_link import BusEvent, ClockLink
 from zengrid.core.state import Action, Exogenous
 from zengrid.errors import JournalError
 from zengrid.journal import Totals
+from zengrid.scenario import dumps
 from zengrid.wire.codec import encode, encode_fields
 from zengrid_clock.actions import CommandRange, read_commands, read_price
 from zengrid_clock.admission import Admission, AdmissionLimits, JoinReplies
@@ -141,9 +142,9 @@ class Clock:
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: self.pace.end())
         name = self.hub.keys.run
-        self.hub.serve_in_thread(self.hub.keys.history, lambda payload: history_reply(payload, self.run, name))
-        self.hub.serve_in_thread(
-            self.hub.keys.scenario, lambda payload: scenario_reply(payload, self.scenario.dump(), name)
+        self.hub.serve_beside(self.hub.keys.history, lambda payload: history_reply(payload, self.run, name))
+        self.hub.serve_beside(
+            self.hub.keys.scenario, lambda payload: scenario_reply(payload, dumps(self.scenario), name)
         )
         self.hub.announce()
         self._wait_for_agents()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from zengrid.errors import JournalError
-from zengrid.scenario import HomeSpec
+from zengrid.scenario import HomeSpec, dumps
 from zengrid_clock.agent_registry import AgentRegistry, MarketAgent
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def restore(run: Run, scenario: Scenario, state: RunState, registry: AgentRegist
     JournalError
         If the run was begun with another scenario.
     """
-    if run.scenario() != scenario.dump():
+    if run.scenario() != dumps(scenario):
         raise JournalError(
             f"run = {run.name}: was begun with another scenario or seed; resume with the same one, or begin anew"
         )

@@ -36,13 +36,13 @@ WHEELS_PORT = 18473
 SECURE = ("--env-file", "deploy/compose/secure.env")
 SUN = """
 import yaml
-from zengrid.scenario import load, loads
+from zengrid.scenario import Days, dumps, load, loads
 
-scenario = yaml.safe_load(load("paper").dump())
+scenario = yaml.safe_load(dumps(load("paper")))
 scenario["site"] = {"latitude": 36.75, "longitude": -119.77, "timezone": "America/Los_Angeles", "altitude_m": 94}
 for home in scenario["homes"]:
     home["tilt_deg"] = 30
-print(loads(yaml.safe_dump(scenario)).days().day(100).pv_kw.max())
+print(Days(loads(yaml.safe_dump(scenario))).day(100).pv_kw.max())
 """
 """The most that the paper's homes get out of a clear sky that must be computed. [kW]"""
 INTRUDER = """

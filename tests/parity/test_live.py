@@ -10,8 +10,8 @@ from zengrid.env.vector import VectorMarket, slots_first
 from zengrid.journal import Journal, SlotRecord
 from zengrid.policy.facts import MarketFacts
 from zengrid.policy.registry import make_grid_policy, make_prosumer_policy
-from zengrid.scenario import Scenario, load
-from zengrid.testing import RunningMarket
+from zengrid.scenario import Days, Scenario, load
+from zengrid.testing import Market
 
 DAYS = 3
 COMPARED = ("soc", "battery_kw", "injection_kw", "bill", "demand_kw", "facility_kw", "facility_cost", "curtailed_kw",
@@ -40,7 +40,7 @@ def facts(scenario: Scenario, homes: slice) -> MarketFacts:
 
 def in_a_loop(scenario: Scenario, prosumer: str, grid: str) -> list[Settlement]:
     """Slot after slot, every home with a policy of its own, as the live market does."""
-    market, days = VectorMarket(scenario.market(), (), scenario.buy_prices), scenario.days()
+    market, days = VectorMarket(scenario.market(), (), scenario.buy_prices), Days(scenario)
     alone = [slice(i, i + 1) for i in range(market.homes)]
     policies = [make_prosumer_policy(prosumer, facts(scenario, home)) for home in alone]
     price_policy = make_grid_policy(grid, facts(scenario, slice(0, 0)))
@@ -63,7 +63,7 @@ def in_a_batch(scenario: Scenario, prosumer: str, grid: str) -> list[Settlement]
     market = VectorMarket(scenario.market(), (DAYS,), scenario.buy_prices)
     policy = make_prosumer_policy(prosumer, facts(scenario, slice(None)))
     price_policy = make_grid_policy(grid, facts(scenario, slice(0, 0)))
-    market.begin(slots_first(scenario.days().days(np.arange(DAYS))), market.market.homes.soc_initial)
+    market.begin(slots_first(Days(scenario).days(np.arange(DAYS))), market.market.homes.soc_initial)
     results = []
     while not market.over:
         view = market.grid_view()

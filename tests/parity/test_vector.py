@@ -11,7 +11,7 @@ from zengrid.core.params import Market
 from zengrid.core.settle import settle
 from zengrid.core.state import Action, Exogenous, Settlement
 from zengrid.env.vector import VectorMarket, beside, pick, slots_first
-from zengrid.scenario import load
+from zengrid.scenario import Days, load
 
 DAYS = [10_000, 10_007, 3, 0]
 
@@ -28,7 +28,7 @@ def draw(rng: np.random.Generator, lead: tuple[int, ...], homes: int) -> tuple[n
 @pytest.mark.parametrize("slot_minutes", [60, 15])
 def test_a_batch_of_days_is_a_loop_over_the_core(name: str, slot_minutes: int) -> None:
     scenario = load(name).with_(slot_minutes=slot_minutes)
-    market, days = scenario.market(), scenario.days()
+    market, days = scenario.market(), Days(scenario)
     homes, slots = market.homes.count, scenario.slots_per_day
     prices, commands = draw(np.random.default_rng(1), (slots, len(DAYS)), homes)
     vector = VectorMarket(market, (len(DAYS),), scenario.buy_prices)
@@ -61,7 +61,7 @@ def test_a_batch_of_days_is_a_loop_over_the_core(name: str, slot_minutes: int) -
 def test_variants_side_by_side_are_the_variants_alone() -> None:
     scenario = load("paper")
     variants = [scenario.market().with_capacity(size) for size in (2.0, 9.0, 25.0)]
-    days = slots_first(scenario.days().days(DAYS))
+    days = slots_first(Days(scenario).days(DAYS))
     lead = (len(variants), len(DAYS))
     prices, commands = draw(np.random.default_rng(2), (scenario.slots_per_day, *lead), 3)
     together = VectorMarket(beside(variants), lead)
@@ -78,7 +78,7 @@ def test_variants_side_by_side_are_the_variants_alone() -> None:
 
 def test_stored_energy_and_the_last_outcome_go_on_into_the_next_day() -> None:
     scenario = load("paper")
-    days = slots_first(scenario.days().days(DAYS))
+    days = slots_first(Days(scenario).days(DAYS))
     vector = VectorMarket(scenario.market(), (2,))
     vector.begin(pick(days, np.array([0, 1])), scenario.market().homes.soc_initial)
     while not vector.over:

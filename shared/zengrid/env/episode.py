@@ -15,7 +15,7 @@ from zengrid.env.facts import market_facts
 from zengrid.env.vector import VectorMarket
 from zengrid.errors import ScenarioError
 from zengrid.policy.facts import MarketFacts
-from zengrid.scenario import Scenario, load
+from zengrid.scenario import Days, Scenario, load
 
 Floats = NDArray[np.float64]
 Part = Literal["training", "evaluation"]
@@ -63,7 +63,7 @@ class Episode:
         self.buy_prices = np.array(self.scenario.buy_prices)
         self.commands_kw = level_commands(self.scenario.battery_levels, self.market.homes)
         self._place = {home: place for place, home in enumerate(self.scenario.home_ids)}
-        self._days = self.scenario.days()
+        self._days = Days(self.scenario)
         self._numbers = self._days.training(pool) if part == "training" else self._days.evaluation(pool)
         self.buy_price = self.scenario.baseline_buy_price
 

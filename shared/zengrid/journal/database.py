@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from pathlib import Path
 from typing import Any, Literal, Protocol
 
-from zengrid.errors import JournalError
 from zengrid.journal.statements import Statements
 
 Durability = Literal["normal", "full"]
@@ -93,24 +91,3 @@ def transact(connection: Connection, begin: Sequence[str], steps: Sequence[Step]
     for sql, parameters in steps:
         connection.execute(sql, parameters)
     connection.execute("COMMIT")
-
-
-def database(place: str | Path, durability: Durability, *, read_only: bool) -> Database:
-    """The database at a path or URL."""
-    if durability not in ("normal", "full"):
-        raise JournalError(f"durability = {durability!r}: permitted are 'normal' and 'full'")
-    text = str(place)
-    scheme, separator, rest = text.partition("://")
-    if not separator or scheme == "sqlite":
-        # sqlite:///relative.db and sqlite:////absolute.db, as SQLAlchemy spells them.
-        path = rest.removeprefix("/") if separator else text
-        if path in ("", ":memory:"):
-            raise JournalError(f"journal = {text!r}: a journal outlives its process, so it must be a file")
-        from zengrid.journal.sqlite import SqliteDatabase
-
-        return SqliteDatabase(Path(path), durability, read_only=read_only)
-    if scheme.partition("+")[0] in ("postgresql", "postgres"):
-        from zengrid.journal.postgres import PostgresDatabase
-
-        return PostgresDatabase(f"postgresql://{rest}", durability)
-    raise JournalError(f"journal = {scheme}://...: permitted are a path, sqlite:///path and postgresql://...")

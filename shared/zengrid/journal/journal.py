@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Self, TypeVar
 
 from zengrid.errors import JournalError, JournalUnavailableError
-from zengrid.journal.database import Connection, Database, Durability, Row, Step, database, transact
+from zengrid.journal.database import Connection, Database, Durability, Row, Step, transact
+from zengrid.journal.location import open_database
 from zengrid.journal.run import Run
 from zengrid.journal.statements import SCHEMA_VERSION, Statements
 from zengrid.journal.view import RunInfo, RunView
@@ -40,7 +41,7 @@ class Journal:
         read_only:
             Only read, from a journal that exists; any number of readers never make its writer wait.
         """
-        journal = cls(database(place, durability, read_only=read_only))
+        journal = cls(open_database(place, durability, read_only=read_only))
         try:
             journal._check(read_only)
         except BaseException:
@@ -160,14 +161,14 @@ class Journal:
 
         Raises OSError where the file cannot be written.
         """
-        from zengrid.journal.copy import copy
+        from zengrid.journal.database_copy import copy_database
 
-        target = database(path, "full", read_only=False)
+        target = open_database(path, "full", read_only=False)
         try:
             source = self._database.connect()
             try:
                 source.execute(self._database.snapshot)
-                return copy(source, target, progress)
+                return copy_database(source, target, progress)
             finally:
                 source.close()
         except target.errors as error:

@@ -21,7 +21,7 @@ from zengrid.env.vector import VectorMarket, slots_first
 from zengrid.policy.file import PolicyFile
 from zengrid.policy.network import GridNetwork, ProsumerNetwork
 from zengrid.policy.views import GridPolicy, ProsumerPolicy
-from zengrid.scenario import Scenario
+from zengrid.scenario import Days, Scenario
 
 Floats = NDArray[np.float64]
 
@@ -205,7 +205,7 @@ class Evaluator:
         in_a_row = min(WEEK, len(numbers)) if scenario.soc_reset == "never" else 1
         self.in_a_row, self.chains = in_a_row, len(numbers) // in_a_row
         self.numbers = numbers[: in_a_row * self.chains].reshape(self.chains, in_a_row)
-        made = slots_first(scenario.days().days(self.numbers.T.ravel()))
+        made = slots_first(Days(scenario).days(self.numbers.T.ravel()))
         # (slot, day in a row x chain, ...) -> (slot of the whole time, chain, ...)
         self.profile = Exogenous(
             *(
@@ -227,12 +227,12 @@ class Evaluator:
     @classmethod
     def held_out(cls, scenario: Scenario, days: int) -> Evaluator:
         """On days that training never sees."""
-        return cls(scenario, scenario.days().evaluation(days))
+        return cls(scenario, Days(scenario).evaluation(days))
 
     @classmethod
     def for_choice(cls, scenario: Scenario, pool: int, days: int) -> Evaluator:
         """On days to choose policies by: behind those that training draws from, where there are more."""
-        return cls(scenario, scenario.days().training(pool + days)[pool:])
+        return cls(scenario, Days(scenario).training(pool + days)[pool:])
 
     def play(self, grid: GridPolicy | None, prosumers: ProsumerPolicy | None) -> Played:
         """Play all days; None stands for the conventional price and rule."""

@@ -23,7 +23,7 @@ from zengrid.learn.settings import FOLLOWER, Learning
 from zengrid.policy.file import Layer, PolicyFile
 from zengrid.policy.network import GridNetwork
 from zengrid.policy.relative import Relative, relative_features
-from zengrid.scenario import Scenario
+from zengrid.scenario import Days, Scenario
 from zengrid.scenario.home import HomeSpec
 
 Floats = NDArray[np.float64]
@@ -157,7 +157,7 @@ class GenericTraining:
         self._rng = np.random.default_rng(seed)
         self._generator = torch.Generator().manual_seed(seed)
         scenarios = [drawn_market(scenario, self._rng) for _ in range(settings.markets)]
-        self._pools = [slots_first(s.days().days(s.days().training(settings.pool))) for s in scenarios]
+        self._pools = [slots_first(Days(s).days(Days(s).training(settings.pool))) for s in scenarios]
         self.buy_prices = np.array(scenario.buy_prices)
         self.vector = VectorMarket(
             beside([s.market() for s in scenarios]), (settings.markets, settings.days), self.buy_prices

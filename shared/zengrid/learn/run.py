@@ -19,9 +19,8 @@ from zengrid.errors import PolicyError
 from zengrid.learn.checkpoint import Count, State, Values, read_tensors, read_values, save
 from zengrid.learn.evaluation import Changes, Evaluator, Outcome, Rank, Trained, plain
 from zengrid.learn.settings import Settings
-from zengrid.learn.training import Earned, Progress, Training, training_shapes
-from zengrid.policy.tensor_file import TensorFile, naming
-from zengrid.scenario import Scenario
+from zengrid.learn.training import Earned, Training
+from zengrid.scenario import Scenario, dumps
 from zengrid.scenario.files import loads
 from zengrid.validation import first_error
 
@@ -46,10 +45,10 @@ class Plan(NamedTuple):
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values; markets that share a scenario share its text."""
-        texts = list(dict.fromkeys(scenario.dump() for scenario in self.scenarios))
+        texts = list(dict.fromkeys(dumps(scenario) for scenario in self.scenarios))
         return {
             "scenarios": texts,
-            "scenario_of": [texts.index(scenario.dump()) for scenario in self.scenarios],
+            "scenario_of": [texts.index(dumps(scenario)) for scenario in self.scenarios],
             "seeds": list(self.seeds),
             "settings": self.settings.as_dict(),
             "observation": self.observation,
@@ -182,6 +181,8 @@ class Run:
         self.seconds = 0.0
         self._earned: list[Earned] = []
         self.best: list[Kept | None] = [None] * len(plan.seeds)
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / SCENARIO).write_text(dumps(plan.scenarios[0]), encoding="utf-8")
 
     @classmethod
     def resume(cls, folder: Path, device: str = "cpu") -> Self:
@@ -324,7 +325,7 @@ class Run:
 
     def names(self, place: int) -> str:
         """What the files of a market are called after."""
-        several = len({scenario.dump() for scenario in self.plan.scenarios}) > 1
+        several = len({dumps(scenario) for scenario in self.plan.scenarios}) > 1
         return f"seed{self.plan.seeds[place]}" + (f"-{place}" if several else "")
 
     def _write(self, kind: str, place: int, trained: Trained) -> None:

@@ -34,8 +34,7 @@ from zengrid.learn.own_model import OwnModel, repeat_homes
 from zengrid.learn.scaling import Scaling, scales
 from zengrid.learn.settings import Settings
 from zengrid.policy.file import Layer, PolicyFile
-from zengrid.policy.tensor_file import Shape
-from zengrid.scenario import Scenario
+from zengrid.scenario import Days, Scenario
 
 Floats = NDArray[np.float64]
 Which = Literal["averaged", "online"]
@@ -309,5 +308,5 @@ def _features(scenario: Scenario, observation: ObservationKind) -> tuple[tuple[s
 
 
 def _pool(scenario: Scenario, count: int) -> Exogenous:
-    days = scenario.days()
+    days = Days(scenario)
     return slots_first(days.days(days.training(count)))

@@ -193,5 +193,7 @@ def _look_into(facts: MarketFacts, options: Options) -> Foresight:
 
 def foresight_of(scenario: Scenario, homes: Sequence[HomeSpec]) -> Foresight:
     """What days of a scenario will bring to some homes, its own or brought ones; reads the scenario's data."""
-    days = scenario.days()
+    from zengrid.scenario import Days
+
+    days = Days(scenario)
     return lambda number: days.homes_day(homes, number)

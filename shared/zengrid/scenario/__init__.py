@@ -8,16 +8,17 @@ from zengrid.scenario.home import BatterySpec, HomeSpec, LoadSpec, homes_params
 
 if TYPE_CHECKING:
     from zengrid.scenario.days import Days
-    from zengrid.scenario.files import BUILTIN, load, loads
+    from zengrid.scenario.files import BUILTIN, dumps, load, loads
     from zengrid.scenario.scenario import AgentSpec, Scenario
 
 __all__ = [
-    "BUILTIN", "AgentSpec", "BatterySpec", "Days", "HomeSpec", "LoadSpec", "Scenario", "homes_params", "load", "loads",
+    "BUILTIN", "AgentSpec", "BatterySpec", "Days", "HomeSpec", "LoadSpec", "Scenario", "dumps", "homes_params", "load",
+    "loads",
 ]  # fmt: skip
 
 # An agent describes its homes and needs no scenario: what reads and plays one is imported when it is asked for.
 _LATER = {
-    "BUILTIN": "files", "load": "files", "loads": "files",
+    "BUILTIN": "files", "dumps": "files", "load": "files", "loads": "files",
     "AgentSpec": "scenario", "Scenario": "scenario", "Days": "days",
 }  # fmt: skip
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,11 +16,9 @@ from zengrid.scenario.home import HomeSpec
 from zengrid.scenario.noise import load_factor, sun_share
 from zengrid.scenario.profiles import DEFAULT_PV, Profiles, resample
 from zengrid.scenario.randomness import Keys, keys_of
+from zengrid.scenario.scenario import Scenario
 from zengrid.scenario.site import clear_sky, pv_output
 from zengrid.scenario.source import CsvData, read_profiles
-
-if TYPE_CHECKING:
-    from zengrid.scenario.scenario import Scenario
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]

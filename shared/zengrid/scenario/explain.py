@@ -4,35 +4,32 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from zengrid.scenario.home import PRINTABLE
-from zengrid.validation import FieldPath, field_name, short_value
-
-if TYPE_CHECKING:
-    from pydantic import ValidationError
+from pydantic import ValidationError
 
 Schema = Mapping[str, Any]
 
 _SHOWN = 10
 
 
-def explain(error: ValidationError, given: object, line_of: Callable[[FieldPath], int | None] | None = None) -> str:
-    """One line for each wrong field.
+def explain(
+    error: ValidationError, given: object, schema: Schema, line_of: Callable[[Place], int | None] | None = None
+) -> str:
+    """Describe each wrong field in one line.
 
     Parameters
     ----------
     error:
-        What pydantic found in a scenario.
+        The error that pydantic raised for a scenario.
     given:
-        What it was given.
+        The fields that were validated.
+    schema:
+        The scenario's JSON schema, by alias.
     line_of:
-        The line of the file where a field stands, if there is a file.
+        Returns the line of the file that holds a field; None if there is no file.
     """
-    from zengrid.scenario.scenario import Scenario
-
-    schema = Scenario.model_json_schema(by_alias=True)
-    lines: dict[FieldPath, str] = {}
+    lines: dict[Place, str] = {}
     for finding in error.errors(include_url=False):
         place = _place(finding["loc"], given, missing=finding["type"] == "missing")
         text, at = _describe(finding, place, schema, given)

@@ -11,7 +11,7 @@ import numpy as np
 
 from zengrid.core.state import Exogenous
 from zengrid.errors import ScenarioError
-from zengrid.scenario.files import write
+from zengrid.scenario import Days, dumps
 from zengrid.scenario.scenario import Scenario
 
 Format = Literal["csv", "parquet"]
@@ -46,7 +46,7 @@ def export_days(scenario: Scenario, count: int, folder: Path, kind: Format = "cs
         The folder cannot be written to.
     """
     numbers = list(range(first, first + count))
-    days = scenario.days()
+    days = Days(scenario)
     made = days.days(numbers)
     month, day = days.date(first) or (1, 1)
     start = datetime(_YEAR, month, day)  # noqa: DTZ001 -- profiles are on local time
@@ -56,7 +56,7 @@ def export_days(scenario: Scenario, count: int, folder: Path, kind: Format = "cs
         folder.mkdir(parents=True, exist_ok=True)
         if kind == "csv":
             return [_write_csv(scenario, made, times, folder), _write_replay(scenario, folder)]
-        return [*_write_parquet(scenario, made, times, folder), _write(folder / "scenario.yaml", scenario.dump())]
+        return [*_write_parquet(scenario, made, times, folder), _write(folder / "scenario.yaml", dumps(scenario))]
     except OSError as error:
         raise ScenarioError(
             f"{folder}: cannot be written to ({error.strerror}); needed: a folder to write to"

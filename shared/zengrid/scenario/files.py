@@ -5,23 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import yaml
 from pydantic import ValidationError
 
 from zengrid.errors import ScenarioError
+from zengrid.scenario.explain import Place, explain
 from zengrid.scenario.scenario import Scenario
 from zengrid.scenario.source import BuiltinData, content_hash
-
-try:
-    from yaml import CSafeDumper as SafeDumper
-    from yaml import CSafeLoader as SafeLoader
-except ImportError:  # built without the C library
-    from yaml import SafeDumper, SafeLoader  # type: ignore[assignment]
-
-if TYPE_CHECKING:
-    from zengrid.validation import FieldPath
 
 _BUILTIN = Path(__file__).parent / "builtin"
 _POWER = re.compile(r"[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)[eE][-+]?[0-9]+$")
@@ -78,7 +70,7 @@ def load(name_or_path: str | Path, *, data: Path | None = None, seed: int | None
 def loads(
     text: str, *, where: str = "scenario", folder: Path | None = None, data: Path | None = None, seed: int | None = None
 ) -> Scenario:
-    """Read a scenario from YAML text, such as ``Scenario.dump`` writes.
+    """Read a scenario from YAML text, such as ``dumps`` writes.
 
     Parameters
     ----------
@@ -107,43 +99,12 @@ def loads(
     try:
         return Scenario.model_validate(fields, context={"folder": folder or Path.cwd()})
     except ValidationError as error:
-        from zengrid.scenario.explain import explain
-
-        found = explain(error, fields, _lines(node)).splitlines()
+        found = explain(error, fields, Scenario.model_json_schema(by_alias=True), _lines(node)).splitlines()
         raise ScenarioError("\n".join(f"{where}, {line}" for line in found)) from None
 
 
-def parse(text: str) -> dict[str, Any]:
-    """The fields of a scenario as text, which are not checked.
-
-    Raises
-    ------
-    ScenarioError
-        Where it is not YAML.
-    """
-    return _parsed(text, "scenario")[0]
-
-
-def _parsed(text: str, where: str) -> tuple[dict[str, Any], yaml.Node | None]:
-    loader = _Loader(text)
-    try:
-        _refuse_depth(text, where)
-        node = loader.get_single_node()
-        _refuse_doubles(node, where)
-        fields = loader.construct_document(node) if node is not None else None
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        line = f", line {mark.line + 1}" if mark is not None else ""
-        raise ScenarioError(f"{where}{line}: is not YAML ({getattr(error, 'problem', error)})") from None
-    finally:
-        loader.dispose()
-    if not isinstance(fields, dict):
-        raise ScenarioError(f"{where}: holds no fields; needed: name, tariff, facilities, homes and the like")
-    return fields, node
-
-
-def dump(scenario: Scenario) -> str:
-    """The complete scenario as YAML, defaults included; data files by absolute path and content hash."""
+def dumps(scenario: Scenario) -> str:
+    """Write the complete scenario as YAML text, with all defaults, the absolute paths of data files and their hash."""
     fields = scenario.model_dump(mode="json", by_alias=True, exclude=scenario.drawn)
     if not isinstance(scenario.data, BuiltinData):
         fields["data"]["sha256"] = content_hash(scenario.data.files(scenario.slot_minutes))

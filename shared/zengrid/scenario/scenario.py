@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, Self
+from typing import Annotated, Any, Literal, NamedTuple, Self
 
 from pydantic import Field, ValidationError, field_validator, model_serializer, model_validator
 from pydantic import SerializerFunctionWrapHandler as Handler
 
 from zengrid.core.params import Facilities, Market
 from zengrid.errors import ScenarioError
+from zengrid.scenario.explain import explain
 from zengrid.scenario.home import HomeSpec, Id, Spec, homes_params
 from zengrid.scenario.noise import Noise
 from zengrid.scenario.population import Population
 from zengrid.scenario.site import Site
 from zengrid.scenario.source import BuiltinData, Data
-
-if TYPE_CHECKING:
-    from zengrid.scenario.days import Days
 
 DAY_MINUTES = 1440
 
@@ -99,7 +97,7 @@ class Split(Spec):
 
 
 class Scenario(Spec):
-    """Fully describes a market. Load one with ``load``, vary it with ``with_``, play its ``days()``."""
+    """Fully describes a market. Load one with ``load``, vary it with ``with_``, generate its days with ``Days``."""
 
     name: Id
     title: str = Field(default="", max_length=200, description="One line for lists.")
@@ -239,24 +237,6 @@ class Scenario(Spec):
         )
         return Market(homes_params(self.homes), facilities, self.dt_h, self.value_of_lost_load)
 
-    def days(self) -> Days:
-        """The days this market plays. Reads the data: keep the object.
-
-        Raises
-        ------
-        ScenarioError
-            The data cannot be read, or does not hold what the scenario asks for.
-        """
-        from zengrid.scenario.days import Days
-
-        return Days(self)
-
-    def dump(self) -> str:
-        """The complete scenario as YAML; data files by absolute path and content hash."""
-        from zengrid.scenario.files import dump
-
-        return dump(self)
-
     def with_(self, **changes: Any) -> Scenario:
         """The same scenario with some fields changed, validated.
 
@@ -271,8 +251,6 @@ class Scenario(Spec):
         ScenarioError
             Names the field, the value and what is permitted.
         """
-        from zengrid.scenario.explain import explain
-
         fields = self.model_dump(by_alias=True, exclude=self.drawn)
         if self.population is not None and any(path.split(".")[0] == "homes" for path in changes):
             # Homes that are changed one by one are no longer drawn.
@@ -282,7 +260,7 @@ class Scenario(Spec):
         try:
             return Scenario.model_validate(fields)
         except ValidationError as error:
-            raise ScenarioError(explain(error, fields)) from None
+            raise ScenarioError(explain(error, fields, Scenario.model_json_schema(by_alias=True))) from None
 
 
 def _unique(field: str, names: list[str]) -> None:

@@ -8,7 +8,7 @@ import pytest
 from zengrid.core.baselines import conventional
 from zengrid.core.settle import settle
 from zengrid.core.state import Action
-from zengrid.scenario import load
+from zengrid.scenario import Days, load
 from zengrid.scenario.home import HomeSpec
 from zengrid_clock.live_market import LiveMarket
 from zengrid_clock.profiles_ahead import DAYS_AHEAD
@@ -22,7 +22,7 @@ GUEST = HomeSpec.model_validate({"id": "guest", "pv_kw": 5.0, "battery": {"capac
 @pytest.mark.parametrize("guest", [False, True])
 def test_the_baseline_is_the_same_to_the_last_bit(soc_reset: str, *, guest: bool) -> None:
     scenario = load("paper").with_(soc_reset=soc_reset)
-    market = LiveMarket(scenario, scenario.days())
+    market = LiveMarket(scenario, Days(scenario))
     price = np.asarray(scenario.baseline_buy_price)
     soc = market.params.homes.soc_initial.copy()
     for day in range(DAYS):

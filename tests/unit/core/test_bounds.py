@@ -17,7 +17,7 @@ from zengrid.core.leader import settle_day
 from zengrid.core.levels import level_commands
 from zengrid.core.params import Facilities, Homes, Market
 from zengrid.core.state import Exogenous
-from zengrid.scenario import load
+from zengrid.scenario import Days, load
 
 Floats = NDArray[np.float64]
 
@@ -196,7 +196,7 @@ EVENING_SCHEDULE = np.array([0.05] * 18 + [0.09] + [0.10] * 3 + [0.08] + [0.05])
 @pytest.mark.parametrize("levels", [9, None])
 def test_the_bound_on_the_case_study(levels: int | None) -> None:
     """With commands every 0.5 kW the bills of its table; any power saves prosumer 2 half a cent more."""
-    market, day = PAPER.market(), PAPER.days().day(0)
+    market, day = PAPER.market(), Days(PAPER).day(0)
     case = Case(market, day.pv_kw, day.load_kw, EVENING_SCHEDULE, day.sell_price)
     commands = None if levels is None else level_commands(levels, market.homes)
     found = best_response(*case, commands_kw=commands)

@@ -8,10 +8,10 @@ import pytest
 from zengrid.core.leader import Ties, leader_reference, respond, settle_day
 from zengrid.core.levels import level_commands
 from zengrid.core.state import Exogenous
-from zengrid.scenario import load
+from zengrid.scenario import Days, load
 
 PAPER = load("paper").with_(noise="off")
-MARKET, DAY = PAPER.market(), PAPER.days().day(0)
+MARKET, DAY = PAPER.market(), Days(PAPER).day(0)
 LEVELS = np.array(PAPER.buy_prices)
 HALF_KW = level_commands(9, MARKET.homes)
 EVENING_SCHEDULE = np.array([0.05] * 18 + [0.09] + [0.10] * 3 + [0.08] + [0.05])

@@ -20,7 +20,7 @@ from zengrid.env.aec import MarketAEC
 from zengrid.env.parallel import MarketParallel
 from zengrid.env.single import MarketEnv
 from zengrid.errors import ScenarioError
-from zengrid.scenario import load
+from zengrid.scenario import Days, load
 
 OPTIONS: list[dict[str, Any]] = [
     {},
@@ -57,7 +57,7 @@ def test_gymnasium_accepts_one_agent_among_policies(agent: str, options: dict[st
 
 def test_the_aec_form_settles_what_the_core_settles() -> None:
     scenario = load("paper")
-    market, day = scenario.market(), scenario.days().day(5)
+    market, day = scenario.market(), Days(scenario).day(5)
     commands = level_commands(scenario.battery_levels, market.homes)
     env, rng = MarketAEC(scenario=scenario, part="evaluation"), np.random.default_rng(1)
     env.reset(options={"day": 5})

@@ -27,7 +27,7 @@ from zengrid.learn.memory import Memory
 from zengrid.learn.replay import Replay
 from zengrid.policy.file import Role
 from zengrid.policy.network import ProsumerNetwork
-from zengrid.policy.tensor_file import TensorFile, write_tensors
+from zengrid.scenario import Days
 
 NEVER = PAPER.with_(soc_reset="never")
 HOME = slice(1, 2)
@@ -45,7 +45,7 @@ class OneHome:
     def __init__(self, learner: ProsumerLearner) -> None:
         self.learner = learner
         self.vector = VectorMarket(NEVER.market(), (), np.array(NEVER.buy_prices))
-        self.days = NEVER.days()
+        self.days = Days(NEVER)
         self.day = -1
         self.bills: list[float] = []
         self.commands: list[float] = []
@@ -225,7 +225,7 @@ def test_a_memory_without_gaps_is_a_plain_one() -> None:
 def test_the_grid_takes_the_price_that_really_held() -> None:
     grid = GridLearner(market_facts(NEVER), quick("grid"))
     vector = VectorMarket(NEVER.market(), (), np.array(NEVER.buy_prices))
-    vector.begin(NEVER.days().day(0), NEVER.market().homes.soc_initial, 0)
+    vector.begin(Days(NEVER).day(0), NEVER.market().homes.soc_initial, 0)
     for number in range(30):
         day, slot = divmod(number, 24)
         grid.act(vector.grid_view()._replace(day=day, slot=slot))

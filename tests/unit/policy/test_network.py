@@ -21,6 +21,7 @@ from zengrid.errors import PolicyError
 from zengrid.policy.file import Activation, Layer, PolicyFile, Role
 from zengrid.policy.network import GridNetwork, Network, ProsumerNetwork, greedy
 from zengrid.policy.registry import make_grid_policy, make_prosumer_policy
+from zengrid.scenario import Days
 
 Floats = NDArray[np.float64]
 
@@ -116,7 +117,7 @@ def test_values_follow_the_formula(activation: Activation, homes: tuple[str, ...
 @pytest.mark.parametrize("homes", [(), ("p1", "p2", "p3")])
 @pytest.mark.parametrize("kind", ["paper", "public"])
 def test_each_home_alone_and_days_side_by_side_command_the_same(homes: tuple[str, ...], kind: ObservationKind) -> None:
-    file, days, market = trained(kind=kind, homes=homes), PAPER.days(), PAPER.market()
+    file, days, market = trained(kind=kind, homes=homes), Days(PAPER), PAPER.market()
     profile = days.days(np.arange(20))
     wide = type(profile)(*(np.moveaxis(column, 1, 0) for column in profile))
     prices = np.random.default_rng(2).choice(PAPER.buy_prices, (24, 20))
@@ -142,7 +143,7 @@ def test_commands_are_fractions_of_each_homes_own_power() -> None:
     always = replace(
         file, layers=(*file.layers[:-1], Layer(file.layers[-1].weight * 0, np.eye(5, dtype=np.float32)[4]))
     )
-    profile, market = dear.days().day(0), dear.market()
+    profile, market = Days(dear).day(0), dear.market()
     assert play(ProsumerNetwork(always, told), market, profile, np.full(24, 0.05)).battery_kw[0].tolist() == [2, 5, 2]
     never = replace(file, layers=(*file.layers[:-1], Layer(file.layers[-1].weight * 0, np.eye(5, dtype=np.float32)[0])))
     played = play(ProsumerNetwork(never, told), market, profile, np.full(24, 0.05))

@@ -14,11 +14,11 @@ from zengrid.errors import PolicyError
 from zengrid.policy.optimum import Options, foresight_of, make_optimum
 from zengrid.policy.registry import make_prosumer_policy
 from zengrid.policy.views import ProsumerPolicy
-from zengrid.scenario.days import Days
+from zengrid.scenario import Days
 
 Floats = NDArray[np.float64]
 
-DAYS: Days = PAPER.days()
+DAYS = Days(PAPER)
 MARKET = PAPER.market()
 SCHEDULE = "0.05,18:00=0.09,19:00=0.1,22:00=0.08,23:00=0.05"
 PRICES = np.array([0.05] * 18 + [0.09] + [0.10] * 3 + [0.08] + [0.05])
@@ -86,7 +86,7 @@ def test_an_optimum_restarted_in_a_day_continues_unchanged() -> None:
 def test_where_energy_carries_over_it_keeps_some_for_tomorrow() -> None:
     tariff = [{"from": "00:00", "price": 0.095}, {"from": "18:00", "price": 0.05}]
     carrying, flat = PAPER.with_(soc_reset="never", tariff=tariff), np.full(24, 0.05)
-    day = carrying.days().day(0)
+    day = Days(carrying).day(0)
     policy = make_prosumer_policy("optimum:prices=0.05", facts(carrying))
     assert np.all(play(policy, MARKET, day, flat).settled[-1].soc > 0.2)
     # Where batteries are reset tonight, what is left is worth nothing.
@@ -100,7 +100,7 @@ def test_another_days_profiles_are_noticed() -> None:
 
 
 def test_another_seed_can_be_asked_for() -> None:
-    days = PAPER.with_(seed=PAPER.seed + 1).days()
+    days = Days(PAPER.with_(seed=PAPER.seed + 1))
     policy = optimum(f":scenario=paper,seed={PAPER.seed + 1},prices={SCHEDULE}")
     assert play(policy, MARKET, days.day(0), PRICES).bill.shape == (3,)
 

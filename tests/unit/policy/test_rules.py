@@ -10,9 +10,9 @@ from zengrid.errors import PolicyError
 from zengrid.policy.prices import price_schedule
 from zengrid.policy.registry import make_grid_policy, make_prosumer_policy, prosumer_policy_files
 from zengrid.policy.views import ProsumerView
-from zengrid.scenario.days import Days
+from zengrid.scenario import Days
 
-DAYS: Days = PAPER.days()
+DAYS = Days(PAPER)
 MARKET = PAPER.market()
 FIXED = np.full(24, 0.05)
 

@@ -18,7 +18,7 @@ from zengrid.policy.network import GridNetwork, Network, ProsumerNetwork
 from zengrid.policy.registry import make_grid_policy, make_prosumer_policy
 from zengrid.policy.relative import SIZES
 from zengrid.policy.rules import Conventional, FixedPrice
-from zengrid.scenario import load
+from zengrid.scenario import Days, load
 
 
 @pytest.mark.parametrize("name", [trained.GRID, trained.PROSUMERS, trained.GENERIC])
@@ -66,7 +66,7 @@ def test_where_none_fits_the_rule_plays_and_says_why(changes: dict[str, object],
 
 def test_everybody_is_better_off_than_without_demand_response() -> None:
     scenario = PAPER.with_(soc_reset="never")
-    days = scenario.days()
+    days = Days(scenario)
     profile = days.days(days.evaluation(14))
     figures = []
     for grid, homes in (("trained", "trained"), ("fixed", "conventional")):
@@ -91,7 +91,7 @@ def test_one_network_for_all_homes_sees_them_by_their_own_size() -> None:
     facts = market_facts(PAPER, PAPER.home_ids)
     twice = Homes(*(getattr(facts.homes, name) * (2.0 if "k" in name.split("_")[-1] else 1.0) for name in NAMES))
     view = VectorMarket(PAPER.market(), (), PAPER.buy_prices)
-    view.begin(PAPER.days().day(0), facts.homes.soc_initial)
+    view.begin(Days(PAPER).day(0), facts.homes.soc_initial)
     view.slot = 12
     small = view.prosumer_view(0.05)
     large = small._replace(pv_kw=small.pv_kw * 2.0, load_kw=small.load_kw * 2.0, homes=twice)

@@ -8,12 +8,12 @@ import pytest
 from zengrid.core.baselines import conventional
 from zengrid.core.settle import settle
 from zengrid.core.state import Action
-from zengrid.scenario import Scenario, load
+from zengrid.scenario import Days, Scenario, load
 
 
 def play(scenario: Scenario) -> dict[str, np.ndarray[tuple[int, ...], np.dtype[np.float64]]]:
     """Bills, profit and energies of a day under the conventional rule and price."""
-    market, day = scenario.market(), scenario.with_(noise="off").days().day(0)
+    market, day = scenario.market(), Days(scenario.with_(noise="off")).day(0)
     soc, slots = market.homes.soc_initial, []
     for slot in range(scenario.slots_per_day):
         now = day.slot(slot)

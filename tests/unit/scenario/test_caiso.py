@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from zengrid.errors import ScenarioError
-from zengrid.scenario import load
+from zengrid.scenario import Days, load
 from zengrid.scenario.profiles import DEFAULT_PV
 from zengrid.scenario.readers.caiso import read_caiso
 
@@ -79,7 +79,7 @@ def test_a_scenario_uses_the_measured_days(write: Write) -> None:
         "data: {kind: caiso, load: load.csv, renewables: sun.csv}\n",
     )
     scenario = load(path)
-    days = scenario.days()
+    days = Days(scenario)
     assert days.days(range(DAYS)).load_kw.mean() == pytest.approx(2.0)
     assert days.day(0).pv_kw.max() == pytest.approx(3.0)
 

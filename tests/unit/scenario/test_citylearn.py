@@ -12,7 +12,7 @@ from zengrid.core.baselines import conventional
 from zengrid.core.settle import settle
 from zengrid.core.state import Action
 from zengrid.errors import ScenarioError
-from zengrid.scenario import Days, Scenario, load, loads
+from zengrid.scenario import Days, Scenario, dumps, load, loads
 from zengrid.scenario.readers.citylearn import read_citylearn
 
 Write = Callable[[str, str], Path]
@@ -84,7 +84,7 @@ def test_less_than_a_day_is_refused(write: Write, tmp_path: Path) -> None:
 
 def test_a_folder_without_buildings_says_where_to_get_them(tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match=r"holds no Building_\*.csv. .*CityLearn Challenge 2022"):
-        load("fontana", data=tmp_path).days()
+        Days(load("fontana", data=tmp_path))
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +94,7 @@ def scenario(fontana: Path) -> Scenario:
 
 @pytest.fixture(scope="module")
 def days(scenario: Scenario) -> Days:
-    return scenario.days()
+    return Days(scenario)
 
 
 class TestFontana:
@@ -121,11 +121,11 @@ class TestFontana:
         assert months == [{1, 4, 7, 10}, {2, 3, 5, 6, 8, 9, 11, 12}]
 
     def test_a_dump_refers_to_the_data_by_path_and_content(self, scenario: Scenario, fontana: Path) -> None:
-        text = scenario.dump()
+        text = dumps(scenario)
         assert str(fontana.resolve()) in text
-        np.testing.assert_array_equal(loads(text).days().day(7).pv_kw, scenario.days().day(7).pv_kw)
+        np.testing.assert_array_equal(Days(loads(text)).day(7).pv_kw, Days(scenario).day(7).pv_kw)
         with pytest.raises(ScenarioError, match="the content has changed"):
-            loads(text).with_(**{"data.sha256": "0" * 64}).days()
+            Days(loads(text).with_(**{"data.sha256": "0" * 64}))
 
     def test_without_demand_response_the_year_is_ordinary(self, scenario: Scenario, days: Days) -> None:
         """Magnitudes a market of three homes and a small grid must have."""

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from zengrid.errors import ScenarioError
-from zengrid.scenario import Scenario
+from zengrid.scenario import Days, Scenario
 
 OnCsv = Callable[..., Scenario]
 
@@ -39,13 +39,13 @@ def dated(times: list[datetime], header: str = "time,a_load_kw") -> str:
     ("column", "factor"), [("a_load_kw", 1.0), ("a_load_w", 1e-3), ("a_load_kwh", 1.0), ("a_load_wh", 1e-3)]
 )
 def test_units_are_told_by_the_column(on_csv: OnCsv, column: str, factor: float) -> None:
-    load_kw = on_csv(day(header=f"time,{column}", value="7")).days().day(0).load_kw
+    load_kw = Days(on_csv(day(header=f"time,{column}", value="7"))).day(0).load_kw
     np.testing.assert_allclose(load_kw, 7 * factor)
 
 
 def test_energies_count_for_the_step_of_the_file(on_csv: OnCsv) -> None:
     lines = [f"{i // 4:02d}:{i % 4 * 15:02d},0.5" for i in range(96)]
-    load_kw = on_csv("time,a_load_kwh\n" + "\n".join(lines)).days().day(0).load_kw
+    load_kw = Days(on_csv("time,a_load_kwh\n" + "\n".join(lines))).day(0).load_kw
     np.testing.assert_allclose(load_kw, 2.0)
 
 
@@ -61,12 +61,12 @@ def test_energies_count_for_the_step_of_the_file(on_csv: OnCsv) -> None:
 )
 def test_pv_is_scaled_by_its_rated_power(on_csv: OnCsv, column: str, data: str, factor: float) -> None:
     scenario = on_csv(day(header=f"time,a_load_kw,{column}", value="1,2"), data=data)
-    pv_kw = scenario.with_(**{"homes.0.pv_kw": 6}).days().day(0).pv_kw
+    pv_kw = Days(scenario.with_(**{"homes.0.pv_kw": 6})).day(0).pv_kw
     np.testing.assert_allclose(pv_kw, 2 * factor * 6)
 
 
 def test_measured_days_are_cut_to_whole_days_and_labelled(on_csv: OnCsv) -> None:
-    days = on_csv(dated(stamps(datetime(2024, 2, 28, 13), 24 * 4))).days()
+    days = Days(on_csv(dated(stamps(datetime(2024, 2, 28, 13), 24 * 4))))
     assert (days.count, days.label(0), days.date(1), days.label(2)) == (3, "Thu 29 Feb 2024", (3, 1), "Sat 2 Mar 2024")
     assert days.label(3) == "Thu 29 Feb 2024, round 2"
     np.testing.assert_array_equal(days.day(0).load_kw[:, 0], (np.arange(24) + 11) % 24)
@@ -75,7 +75,7 @@ def test_measured_days_are_cut_to_whole_days_and_labelled(on_csv: OnCsv) -> None
 
 def test_measured_days_are_split_by_day_or_by_month(on_csv: OnCsv) -> None:
     text = dated(stamps(datetime(2024, 1, 1), 24 * 60))
-    by_day, by_month = on_csv(text).days(), on_csv(text, "split: {evaluation_months: [2]}").days()
+    by_day, by_month = Days(on_csv(text)), Days(on_csv(text, "split: {evaluation_months: [2]}"))
     assert by_day.evaluation(15).tolist() == list(range(3, 60, 4))
     assert by_month.evaluation(29).tolist() == list(range(31, 60))
     for days in (by_day, by_month):
@@ -86,7 +86,7 @@ def test_measured_days_are_split_by_day_or_by_month(on_csv: OnCsv) -> None:
 
 
 def test_a_split_that_leaves_nothing_is_told(on_csv: OnCsv) -> None:
-    days = on_csv(dated(stamps(datetime(2024, 1, 1), 48)), "split: {evaluation_months: [7]}").days()
+    days = Days(on_csv(dated(stamps(datetime(2024, 1, 1), 48)), "split: {evaluation_months: [7]}"))
     with pytest.raises(ScenarioError, match=r"no day is left for evaluation; the data has 2 days in months 1"):
         days.evaluation(1)
 
@@ -98,15 +98,15 @@ def test_stamps_with_offset_are_put_on_standard_time(on_csv: OnCsv) -> None:
     local = ZoneInfo("America/Los_Angeles")
     offset = [f"{(start + timedelta(hours=i)).astimezone(local).isoformat()},{i % 24}" for i in range(72)]
     for lines in (utc, offset):
-        days = on_csv("time,a_load_kw\n" + "\n".join(lines), LOS_ANGELES).days()
+        days = Days(on_csv("time,a_load_kw\n" + "\n".join(lines), LOS_ANGELES))
         assert (days.count, days.label(0)) == (3, "Sat 9 Mar 2024")
         np.testing.assert_array_equal(days.day(1).load_kw[:, 0], np.arange(24))
 
 
 def test_empty_lines_quotes_and_byte_order_marks_do_no_harm(on_csv: OnCsv) -> None:
-    plain = on_csv(day()).days().day(0).load_kw
+    plain = Days(on_csv(day())).day(0).load_kw
     for text in ("\ufeff" + day(), day().replace("\n", "\r\n"), day().replace("05:00,1.0\n", '\n"05:00","1.0"\n\n')):
-        np.testing.assert_array_equal(on_csv(text).days().day(0).load_kw, plain)
+        np.testing.assert_array_equal(Days(on_csv(text)).day(0).load_kw, plain)
 
 
 MAY = dated(stamps(datetime(2024, 5, 1), 24))
@@ -168,7 +168,7 @@ def test_each_bad_file_gives_its_one_error(on_csv: OnCsv, kind: str, site: str) 
     text, message = BAD[kind]
     scenario = on_csv(text, site)
     with pytest.raises(ScenarioError, match=message) as caught:
-        scenario.days()
+        Days(scenario)
     assert len(str(caught.value).splitlines()) == 1
     assert "data.csv" in str(caught.value)
 
@@ -176,22 +176,22 @@ def test_each_bad_file_gives_its_one_error(on_csv: OnCsv, kind: str, site: str) 
 def test_an_hour_missing_on_another_sunday_is_no_clock_change(on_csv: OnCsv) -> None:
     hole = [*stamps(datetime(2024, 3, 17), 2), *stamps(datetime(2024, 3, 17, 3), 30)]
     with pytest.raises(ScenarioError, match="2024-03-17 02:00 is missing"):
-        on_csv(dated(hole), LOS_ANGELES).days()
+        Days(on_csv(dated(hole), LOS_ANGELES))
 
 
 def test_a_file_that_is_not_there_is_told(on_csv: OnCsv) -> None:
     with pytest.raises(ScenarioError, match=r"gone.csv: cannot be read \(No such file"):
-        on_csv(day()).with_(**{"data.path": "gone.csv"}).days()
+        Days(on_csv(day()).with_(**{"data.path": "gone.csv"}))
 
 
 def test_bytes_are_no_csv(on_csv: OnCsv) -> None:
     scenario = on_csv(day())
     scenario.data.files(60)[0].write_bytes(b"time,a_load_kw\n\xff\xfe\x00")
     with pytest.raises(ScenarioError, match=r"data.csv: is not a CSV file in UTF-8"):
-        scenario.days()
+        Days(scenario)
 
 
 def test_unknown_time_zones_are_refused(on_csv: OnCsv) -> None:
     text = MAY.replace("0,", "0Z,")
     with pytest.raises(ScenarioError, match=r'data.timezone = "Mars/Olympus": permitted: an IANA time zone'):
-        on_csv(text, data=", timezone: Mars/Olympus").days()
+        Days(on_csv(text, data=", timezone: Mars/Olympus"))

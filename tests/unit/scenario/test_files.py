@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from zengrid.errors import ScenarioError
-from zengrid.scenario import BUILTIN, HomeSpec, Scenario, load, loads
+from zengrid.scenario import BUILTIN, Days, HomeSpec, Scenario, dumps, load, loads
 
 Write = Callable[[str, str], Path]
 
@@ -18,14 +18,14 @@ Write = Callable[[str, str], Path]
 @pytest.mark.parametrize("name", [name for name in BUILTIN if name != "fontana"])
 def test_a_dump_loads_to_the_same_scenario(name: str) -> None:
     scenario = load(name)
-    again = loads(scenario.dump())
+    again = loads(dumps(scenario))
     assert again == scenario
-    assert again.dump() == scenario.dump()
+    assert dumps(again) == dumps(scenario)
     assert again.home_ids == scenario.home_ids
 
 
 def test_a_dump_is_complete(paper: Scenario) -> None:
-    fields = yaml.safe_load(paper.dump())
+    fields = yaml.safe_load(dumps(paper))
     assert set(fields) == set(Scenario.model_fields)
     assert fields["noise"] == {"cloudiness": 0.1, "load_level": 0.05, "load_noise": 0.05}
 
@@ -158,7 +158,7 @@ class TestWith:
         changed = village.with_(**{"homes.*.battery.capacity_kwh": 7})
         assert {home.battery.capacity_kwh for home in changed.homes} == {7}
         assert [home.pv_kw for home in changed.homes] == [home.pv_kw for home in village.homes]
-        assert loads(changed.dump()) == changed
+        assert loads(dumps(changed)) == changed
 
     @pytest.mark.parametrize(
         ("path", "message"),
@@ -197,12 +197,12 @@ def test_relative_paths_count_from_the_scenario_file(write: Write, tmp_path: Pat
     write("data.csv", "time,a_load_kw\n" + "".join(f"{h:02d}:00,1\n" for h in range(24)))
     text = "name: x\ntariff: [{from: 00:00, price: 1}]\nfacilities: [{name: b, max_kw: 9, b: 1}]\n"
     scenario = load(write("market.yaml", text + "homes: [{id: a}]\ndata: {kind: csv, path: data.csv}\n"))
-    again = loads(scenario.dump(), folder=Path("/"))
-    assert again.days().day(0).load_kw.sum() == 24
+    again = loads(dumps(scenario), folder=Path("/"))
+    assert Days(again).day(0).load_kw.sum() == 24
     write("data.csv", "time,a_load_kw\n" + "".join(f"{h:02d}:00,2\n" for h in range(24)))
     with pytest.raises(ScenarioError, match=r"the content has changed .SHA-256"):
-        again.days()
-    assert scenario.days().day(0).load_kw.sum() == 48
+        Days(again)
+    assert Days(scenario).day(0).load_kw.sum() == 48
 
 
 def test_a_home_from_the_wire_is_a_home_of_a_file(paper: Scenario) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from zengrid.scenario import load
+from zengrid.scenario import dumps, load
 from zengrid.testing import free_endpoint
 
 HEAVY = ("pandas", "scipy", "pvlib", "pyarrow", "typer", "rich")
@@ -19,8 +19,8 @@ HEAVY = ("pandas", "scipy", "pvlib", "pyarrow", "typer", "rich")
     ("statement", "absent"),
     [
         ("from zengrid.scenario import HomeSpec, homes_params", (*HEAVY, "yaml", "zengrid.scenario.scenario")),
-        ("from zengrid.scenario import load; load('paper').days().day(0)", HEAVY),
-        ("from zengrid.scenario import load; load('village').days().day(0)", HEAVY),
+        ("from zengrid.scenario import Days, load; Days(load('paper')).day(0)", HEAVY),
+        ("from zengrid.scenario import Days, load; Days(load('village')).day(0)", HEAVY),
     ],
 )
 def test_no_more_is_imported_than_needed(statement: str, absent: tuple[str, ...]) -> None:
@@ -35,7 +35,7 @@ def test_the_small_image_says_what_a_new_site_needs(name: str, tmp_path: Path) -
     village = load("village")
     assert village.site is not None
     elsewhere = village.site.model_copy(update={"latitude": 40.0})
-    (tmp_path / "mine.yaml").write_text(village.model_copy(update={"site": elsewhere}).dump())
+    (tmp_path / "mine.yaml").write_text(dumps(village.model_copy(update={"site": elsewhere})))
     words = ["mine.yaml", "--listen", free_endpoint(), "--journal", "z.db", "--wait", "0", "--days", "1"]
     script = (
         f"import sys; sys.modules[{name!r}] = None; from zengrid_clock.__main__ import main; sys.exit(main({words}))"

@@ -12,7 +12,7 @@ from zengrid.core.observe import ObservationKind
 from zengrid.errors import PolicyError
 from zengrid.learn.settings import KINDS, Learning, Settings
 from zengrid.learn.sweep.cell import Cell
-from zengrid.scenario import Scenario
+from zengrid.scenario import Days, Scenario
 
 OBSERVATIONS: tuple[str, ...] = get_args(ObservationKind)
 
@@ -62,7 +62,7 @@ def _cell(scenario: Scenario, same: Mapping[str, Any], values: Mapping[str, Any]
         _known(name)
     settings = Settings.preset(preset).with_(**in_settings)
     varied = scenario.with_(**in_scenario) if in_scenario else scenario
-    varied.days()  # says at once what its data lacks
+    Days(varied)  # says at once what its data lacks
     return Cell(values, varied, settings, observation)
 
 

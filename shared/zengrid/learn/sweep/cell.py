@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from zengrid import __version__
 from zengrid.core.observe import ObservationKind
 from zengrid.learn.settings import Settings
-from zengrid.scenario import Scenario
+from zengrid.scenario import Scenario, dumps
 
 MOST_MARKETS = 10
 """Trained in one batch. More would hardly be faster, and could not be shared among processes."""
@@ -39,7 +39,7 @@ class Cell:
     @cached_property
     def text(self) -> str:
         """The complete scenario."""
-        return self.scenario.dump()
+        return dumps(self.scenario)
 
     @cached_property
     def shape(self) -> str:

@@ -13,7 +13,7 @@ ROWS = 200
 """Slots in memory at a time."""
 
 
-def copy(source: Connection, target: Database, progress: Callable[[int, int], None] | None) -> int:
+def copy_database(source: Connection, target: Database, progress: Callable[[int, int], None] | None) -> int:
     """Copy all runs, rosters and slots that a transaction sees; returns the number of slots."""
     connection = target.connect()
     try:
