@@ -209,24 +209,8 @@ class JoinReplies:
             buy_prices=tuple(scenario.buy_prices),
             battery_levels=scenario.battery_levels,
             sell_prices=tuple(sell_prices),
+            baseline_buy_price=scenario.baseline_buy_price,
             soc_reset=scenario.soc_reset,
             facilities=len(scenario.facilities),
-            homes=tuple(_home_limits(spec) for spec in homes),
+            homes=tuple(HomeLimits.of(home) for home in homes),
         )
-
-
-def _home_limits(spec: HomeSpec) -> HomeLimits:
-    battery = spec.battery
-    return HomeLimits(
-        id=spec.id,
-        pv_kw=spec.pv_kw,
-        capacity_kwh=battery.capacity_kwh,
-        charge_max_kw=battery.charge_max_kw,
-        discharge_max_kw=battery.discharge_max_kw,
-        soc_min=battery.soc_min,
-        soc_max=battery.soc_max,
-        charge_efficiency=battery.charge_efficiency,
-        discharge_efficiency=battery.discharge_efficiency,
-        injection_max_kw=spec.injection_max_kw,
-        soc_initial=battery.soc_initial,
-    )

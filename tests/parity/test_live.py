@@ -31,6 +31,7 @@ def facts(scenario: Scenario, homes: slice) -> MarketFacts:
         slots_per_day=scenario.slots_per_day,
         buy_prices=tuple(scenario.buy_prices),
         sell_prices=tuple(scenario.sell_prices),
+        baseline_buy_price=scenario.baseline_buy_price,
         battery_levels=scenario.battery_levels,
         facilities=scenario.market().facilities.count,
         home_ids=scenario.home_ids[homes],

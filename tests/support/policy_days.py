@@ -27,6 +27,7 @@ def facts(scenario: Scenario = PAPER, homes: slice = slice(None)) -> MarketFacts
         slots_per_day=scenario.slots_per_day,
         buy_prices=tuple(scenario.buy_prices),
         sell_prices=scenario.sell_prices,
+        baseline_buy_price=scenario.baseline_buy_price,
         battery_levels=scenario.battery_levels,
         facilities=len(scenario.facilities),
         home_ids=ids,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Self
 
@@ -55,12 +56,27 @@ class Homes:
         soc_initial: ArrayLike = 0.5,
     ) -> Self:
         """Build from scalars or sequences, broadcast to one value a home."""
-        given = (
-            capacity_kwh, charge_max_kw, discharge_max_kw, soc_min, soc_max,
-            charge_efficiency, discharge_efficiency, injection_max_kw, soc_initial,
-        )  # fmt: skip
-        arrays = np.broadcast_arrays(*(np.asarray(value, dtype=np.float64) for value in given))
-        return cls(*(np.atleast_1d(array).copy() for array in arrays))
+        return cls.from_columns({
+            "capacity_kwh": capacity_kwh, "charge_max_kw": charge_max_kw, "discharge_max_kw": discharge_max_kw,
+            "soc_min": soc_min, "soc_max": soc_max, "charge_efficiency": charge_efficiency,
+            "discharge_efficiency": discharge_efficiency, "injection_max_kw": injection_max_kw,
+            "soc_initial": soc_initial,
+        })  # fmt: skip
+
+    @classmethod
+    def from_columns(cls, columns: Mapping[str, ArrayLike]) -> Self:
+        """Build from a scalar or sequence for each field by its name, broadcast to one value a home."""
+        given = (np.asarray(columns[name], dtype=np.float64) for name in HOME_FIELDS)
+        arrays = np.broadcast_arrays(*given)
+        return cls(**{
+            name: np.atleast_1d(array).copy() for name, array in zip(HOME_FIELDS, arrays, strict=True)
+        })  # fmt: skip
+
+    @classmethod
+    def from_rows(cls, rows: Iterable[object]) -> Self:
+        """Build from one object a home, which has an attribute for each field."""
+        homes = list(rows)
+        return cls.from_columns({name: [getattr(home, name) for home in homes] for name in HOME_FIELDS})
 
     @property
     def count(self) -> int:
@@ -69,11 +85,17 @@ class Homes:
 
     def take(self, index: ArrayLike) -> Self:
         """The homes at the given positions, in that order (numpy indexing rules)."""
-        return type(self)(*(getattr(self, f.name)[np.asarray(index)] for f in fields(self)))
+        return type(self)(**{name: getattr(self, name)[np.asarray(index)] for name in HOME_FIELDS})
 
     def join(self, others: Self) -> Self:
         """These homes, followed by the others."""
-        return type(self)(*(np.concatenate([getattr(self, f.name), getattr(others, f.name)]) for f in fields(self)))
+        return type(self)(**{
+            name: np.concatenate([getattr(self, name), getattr(others, name)]) for name in HOME_FIELDS
+        })  # fmt: skip
+
+
+HOME_FIELDS = tuple(field.name for field in fields(Homes))
+"""Names of what the market must know of a home, in the order of ``Homes``; messages and scenarios use them too."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -18,6 +18,7 @@ def market_facts(scenario: Scenario, homes: Sequence[str] = ()) -> MarketFacts:
         slots_per_day=scenario.slots_per_day,
         buy_prices=scenario.buy_prices,
         sell_prices=scenario.sell_prices,
+        baseline_buy_price=scenario.baseline_buy_price,
         battery_levels=scenario.battery_levels,
         facilities=len(scenario.facilities),
         home_ids=tuple(homes),

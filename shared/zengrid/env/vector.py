@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from zengrid.core.observe import ObservationKind, observe_grid, observe_prosumers, time_features
-from zengrid.core.params import Homes, Market
+from zengrid.core.params import HOME_FIELDS, Homes, Market
 from zengrid.core.settle import settle, total
 from zengrid.core.state import Action, Exogenous, Settlement
 from zengrid.policy.views import DayNumber, GridView, ProsumerView
@@ -160,8 +160,8 @@ def beside(markets: Sequence[Market]) -> Market:
             raise ValueError("markets: side by side they may differ in their homes alone")
         if market.homes.count != first.homes.count:
             raise ValueError(f"markets: {market.homes.count} homes beside {first.homes.count}; permitted: equally many")
-    columns = (np.stack([getattr(market.homes, f.name) for market in markets])[:, None, :] for f in fields(Homes))
-    return first.with_homes(Homes(*columns))
+    homes = {name: np.stack([getattr(market.homes, name) for market in markets])[:, None, :] for name in HOME_FIELDS}
+    return first.with_homes(Homes(**homes))
 
 
 def slots_first(days: Exogenous) -> Exogenous:

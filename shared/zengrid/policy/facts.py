@@ -23,6 +23,7 @@ class MarketFacts:
     home_ids, homes: the agent's own homes, in the order of all arrays (none for the grid agent).
     pv_kw: rated PV power of these homes, where it is known [kW].
     sell_prices: posted tariff, one a slot of the day [$/kWh]. buy_prices: levels the grid may set [$/kWh].
+    baseline_buy_price: buy price without demand response [$/kWh].
     battery_levels: number of command levels between full discharge and full charge.
     soc_reset: whether batteries begin every day alike or go on as they are. scenario: its name, where there is one.
     foresight: what the homes' days will bring, for policies that know the future.
@@ -32,6 +33,7 @@ class MarketFacts:
     slots_per_day: int
     buy_prices: tuple[float, ...]
     sell_prices: tuple[float, ...]
+    baseline_buy_price: float
     battery_levels: int
     facilities: int
     home_ids: tuple[str, ...]

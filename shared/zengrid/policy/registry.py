@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
-from zengrid.core.baselines import BASELINE_BUY_PRICE
 from zengrid.errors import PolicyError
 from zengrid.policy.facts import MarketFacts
 from zengrid.policy.prices import price_steps
@@ -160,14 +159,18 @@ def _make(text: str, facts: MarketFacts, known: dict[str, Rule[P]], role: str) -
         raise PolicyError(f"policy = {text}: {error}") from None
 
 
-def _read(text: str, known: dict[str, Rule[P]], role: str) -> tuple[Rule[P], Any]:
-    """The rule that a text names, and what it has read behind the colon."""
-    name, colon, rest = text.partition(":")
-    if name not in known:
-        raise PolicyError(f"policy = {text}: a {role} can play {', '.join(known)}, or a *{SUFFIX} file")
-    rule = known[name]
-    if colon and rule.read is _nothing:
-        raise PolicyError(f"policy = {text}: {name} takes nothing after its name")
+def _seed(text: str) -> int:
+    text = text.removeprefix("seed=")
+    if text and not text.isdecimal():
+        raise PolicyError(f"seed = {text}: permitted is a whole number from 0 up")
+    return int(text or 0)
+
+
+def _price(text: str, facts: MarketFacts) -> float:
+    if not text:
+        # The market's price without demand response, if the grid may set it.
+        price = facts.baseline_buy_price
+        return price if any(abs(level - price) <= 1e-9 for level in facts.buy_prices) else min(facts.buy_prices)
     try:
         return rule, rule.read(rest)
     except PolicyError as error:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from zengrid.core.params import Homes
+from zengrid.core.params import HOME_FIELDS, Homes
 from zengrid.errors import PolicyError
 from zengrid.policy.facts import MarketFacts
 from zengrid.policy.file import PolicyFile
@@ -16,6 +16,8 @@ from zengrid.policy.network import GridNetwork, ProsumerNetwork
 FOLDER = Path(__file__).with_name("files")
 GRID, PROSUMERS, GENERIC = "paper-grid", "paper-prosumers", "generic"
 """Names of the files: the case study's agents, and one for homes of any size."""
+
+_BATTERY_FIELDS = tuple(name for name in HOME_FIELDS if name not in ("injection_max_kw", "soc_initial"))
 
 
 class Choice(NamedTuple):
@@ -57,11 +59,8 @@ def for_grid(facts: MarketFacts) -> Choice:
 
 
 def batteries(homes: Homes) -> list[list[float]]:
-    """By what homes are told apart for which a network of their own was trained."""
-    columns = (
-        homes.capacity_kwh, homes.charge_max_kw, homes.discharge_max_kw, homes.soc_min, homes.soc_max,
-        homes.charge_efficiency, homes.discharge_efficiency,
-    )  # fmt: skip
+    """The fields that identify a home for which a network was trained, one row a home."""
+    columns = [getattr(homes, name) for name in _BATTERY_FIELDS]
     return [[float(value) for value in row] for row in np.stack(columns, axis=-1)]
 
 

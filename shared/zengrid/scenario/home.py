@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import attrgetter
 from typing import Annotated, Self
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
-from zengrid.core.params import Homes
+from zengrid.core.params import HOME_FIELDS, Homes
 
 Id = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,62}$", description="Lower-case name, unique among its kind.")]
 
@@ -112,15 +113,16 @@ class HomeSpec(StrictSpec):
     seed: int = Field(default=0, ge=0, lt=2**63, description="Changes the home's own noise and nothing else.")
 
 
+_home_values = attrgetter(*(name if name in HomeSpec.model_fields else f"battery.{name}" for name in HOME_FIELDS))
+"""Reads the fields of ``Homes``: a home has them itself or in its battery."""
+
+
+def home_columns(home: HomeSpec) -> dict[str, float]:
+    """The values of one home for the fields of ``Homes``, by name."""
+    return dict(zip(HOME_FIELDS, _home_values(home), strict=True))
+
+
 def homes_params(homes: Sequence[HomeSpec]) -> Homes:
     """The homes' batteries and meters as arrays for the core, in the given order."""
-    rows = [
-        (
-            home.battery.capacity_kwh, home.battery.charge_max_kw, home.battery.discharge_max_kw,
-            home.battery.soc_min, home.battery.soc_max, home.battery.charge_efficiency,
-            home.battery.discharge_efficiency, home.injection_max_kw, home.battery.soc_initial,
-        )
-        for home in homes
-    ]  # fmt: skip
-    columns = np.ascontiguousarray(np.array(rows, dtype=np.float64).reshape(len(rows), 9).T)
-    return Homes(*columns)
+    rows = np.array([_home_values(home) for home in homes], dtype=np.float64).reshape(len(homes), len(HOME_FIELDS))
+    return Homes.from_columns(dict(zip(HOME_FIELDS, rows.T, strict=True)))

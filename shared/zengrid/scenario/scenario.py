@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal, NamedTuple, Self
 from pydantic import Field, ValidationError, field_validator, model_serializer, model_validator
 from pydantic import SerializerFunctionWrapHandler as Handler
 
+from zengrid.core.baselines import BASELINE_BUY_PRICE
 from zengrid.core.params import Facilities, Market
 from zengrid.errors import ScenarioError
 from zengrid.scenario.explain import explain
@@ -115,7 +116,9 @@ class Scenario(Spec):
         default=(0.05, 0.06, 0.07, 0.08, 0.09, 0.10),
         min_length=1, max_length=1000, description="Levels at which the grid may buy, increasing [$/kWh].",
     )  # fmt: skip
-    baseline_buy_price: Price = Field(default=0.05, description="Buy price without demand response [$/kWh].")
+    baseline_buy_price: Price = Field(
+        default=BASELINE_BUY_PRICE, description="Buy price without demand response [$/kWh]."
+    )
     battery_levels: int = Field(
         default=5, ge=2, le=1001, description="Commands a learner chooses from, evenly from discharge to charge."
     )

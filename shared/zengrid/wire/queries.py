@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from zengrid.scenario.home import HomeSpec, Printable
+from zengrid.scenario.home import HomeSpec, home_columns
 from zengrid.wire.base import MAX_HOMES, AgentId, Column, Instance, Message, Price, RunName
 from zengrid.wire.slots import SettledSlot
 
@@ -57,6 +57,11 @@ class HomeLimits(Message):
     injection_max_kw: float
     soc_initial: float
 
+    @classmethod
+    def of(cls, home: HomeSpec) -> HomeLimits:
+        """The limits of a home as its scenario or agent describes it."""
+        return cls.model_validate({"id": home.id, "pv_kw": home.pv_kw, **home_columns(home)})
+
 
 class JoinReply(Message):
     """The market an agent has joined, and the slot from which it counts."""
@@ -73,6 +78,7 @@ class JoinReply(Message):
     buy_prices: tuple[Price, ...] = Field(description="Levels the grid may set [$/kWh].")
     battery_levels: int = Field(description="Number of command levels a learner uses between its limits.")
     sell_prices: tuple[Price, ...] = Field(description="Posted tariff, one a slot of the day [$/kWh].")
+    baseline_buy_price: Price = Field(description="Buy price without demand response [$/kWh].")
     soc_reset: Literal["daily", "never"]
     facilities: int
     homes: tuple[HomeLimits, ...] = Field(description="The agent's homes, in the order of all columns.")

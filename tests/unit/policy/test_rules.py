@@ -81,10 +81,12 @@ def test_a_played_batch_equals_single_days() -> None:
             assert np.array_equal(together.bill[day], alone.bill)
 
 
-def test_fixed_price_defaults_to_the_conventional_one_or_the_lowest() -> None:
-    told = facts()
-    assert make_grid_policy("fixed", told).act(grid_view()) == 0.05
-    assert make_grid_policy("fixed:0.07", told).act(grid_view()) == 0.07
+def test_fixed_price_defaults_to_the_one_without_demand_response_or_the_lowest() -> None:
+    paper = facts()
+    assert make_grid_policy("fixed", paper).act(grid_view()) == 0.05
+    assert make_grid_policy("fixed:0.07", paper).act(grid_view()) == 0.07
+    other = facts(PAPER.with_(baseline_buy_price=0.08))
+    assert make_grid_policy("fixed", other).act(grid_view()) == 0.08
     dear = facts(PAPER.with_(buy_prices=[0.06, 0.08]))
     assert make_grid_policy("fixed", dear).act(grid_view()) == 0.06
 

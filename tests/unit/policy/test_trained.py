@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from support.policy_days import PAPER
-from zengrid.core.params import Homes
+from support.policies import PAPER
+from zengrid.core.params import HOME_FIELDS, Homes
 from zengrid.core.settle import total
 from zengrid.env.facts import market_facts
 from zengrid.env.vector import VectorMarket, slots_first
@@ -89,7 +89,9 @@ def test_everybody_is_better_off_than_without_demand_response() -> None:
 def test_one_network_for_all_homes_sees_them_by_their_own_size() -> None:
     generic = trained.load(trained.GENERIC)
     facts = market_facts(PAPER, PAPER.home_ids)
-    twice = Homes(*(getattr(facts.homes, name) * (2.0 if "k" in name.split("_")[-1] else 1.0) for name in NAMES))
+    twice = Homes(**{
+        name: getattr(facts.homes, name) * (2.0 if name.endswith(("_kw", "_kwh")) else 1.0) for name in HOME_FIELDS
+    })  # fmt: skip
     view = VectorMarket(PAPER.market(), (), PAPER.buy_prices)
     view.begin(Days(PAPER).day(0), facts.homes.soc_initial)
     view.slot = 12
@@ -99,12 +101,6 @@ def test_one_network_for_all_homes_sees_them_by_their_own_size() -> None:
     np.testing.assert_allclose(
         ProsumerNetwork(generic, doubled).act(large), 2.0 * ProsumerNetwork(generic, facts).act(small), rtol=1e-9
     )
-
-
-NAMES = (
-    "capacity_kwh", "charge_max_kw", "discharge_max_kw", "soc_min", "soc_max", "charge_efficiency",
-    "discharge_efficiency", "injection_max_kw", "soc_initial",
-)  # fmt: skip
 
 
 def test_a_network_for_each_home_made_of_it_is_worth_the_same() -> None:

@@ -8,8 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from zengrid.core.params import HOME_FIELDS, Homes
 from zengrid.scenario import BatterySpec, HomeSpec, homes_params
-from zengrid.scenario.home import SMALLEST
+from zengrid.scenario.home import SMALLEST, home_columns
+from zengrid.wire.requests import HomeLimits
 
 
 def test_a_home_is_complete_with_pv_and_battery() -> None:
@@ -52,6 +54,23 @@ def test_impossible_batteries_are_refused(battery: dict[str, float]) -> None:
 def test_the_first_state_of_charge_is_permitted(capacity: float, one: float, other: float) -> None:
     low, high = sorted((one, other))
     assert low <= BatterySpec(capacity_kwh=capacity, soc_min=low, soc_max=high).soc_initial <= high
+
+
+def test_a_home_is_the_same_in_the_core_in_its_scenario_and_in_the_join_reply() -> None:
+    battery = BatterySpec(
+        capacity_kwh=10.0, charge_max_kw=3.0, discharge_max_kw=4.0, soc_min=0.15, soc_max=0.85,
+        charge_efficiency=0.95, discharge_efficiency=0.93, initial_kwh=7.0,
+    )  # fmt: skip
+    home = HomeSpec(id="p4", pv_kw=5.0, battery=battery, injection_max_kw=11.0)
+    values = (10.0, 3.0, 4.0, 0.15, 0.85, 0.95, 0.93, 11.0, 0.7)
+    assert home_columns(home) == dict(zip(HOME_FIELDS, values, strict=True))
+    limits = HomeLimits.of(home)
+    assert limits.model_dump(exclude={"v", "id", "pv_kw"}) == home_columns(home)
+    assert tuple(HomeLimits.model_fields)[3:] == HOME_FIELDS
+    for homes in (homes_params([home, home]), Homes.from_rows([limits, limits])):
+        assert {name: getattr(homes, name).tolist() for name in HOME_FIELDS} == {
+            name: [value, value] for name, value in home_columns(home).items()
+        }
 
 
 def test_arrays_keep_the_order_of_homes() -> None:
