@@ -4,12 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from zengrid.journal import Journal, RunView
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,14 +41,10 @@ class Results:
     """[kWh]"""
     curtailed_kwh: float
     unserved_kwh: float
-    first_settled_at: float
-    """Unix time [s]"""
-
-    @property
-    def all_bills(self) -> Pair:
-        """All homes together. [$]"""
-        pairs = self.bills.values()
-        return Pair(sum(pair.real for pair in pairs), sum(pair.conventional for pair in pairs))
+    all_bills: Pair
+    """All homes together [$]"""
+    first_settled_at: float | None
+    """Unix time [s]; None if the first slot was pruned"""
 
 
 def latest(journal: Journal, run: str) -> RunView | None:
@@ -64,32 +55,18 @@ def latest(journal: Journal, run: str) -> RunView | None:
 
 def results(run: RunView) -> Results:
     """Add up a run that has settled something."""
-    dt_h, slots, grid_fallbacks = run.info.dt_h, 0, 0
-    profit, reserve, lost = np.zeros(2), np.zeros(2), np.zeros(2)
-    homes: dict[str, Floats] = {}
-    first_settled_at = 0.0
-    for block in run.blocks():
-        first_settled_at = first_settled_at or float(block["settled_at"][0])
-        slots += len(block)
-        grid_fallbacks += int(block["grid_fallback"].sum())
-        profit += block["profit"].sum(), block["baseline_profit"].sum()
-        reserve += block["facility_kw"][:, 1:].sum() * dt_h, block["baseline_facility_kw"][:, 1:].sum() * dt_h
-        lost += (
-            (block["curtailed_kw"] + block["home_curtailed_kw"]).sum() * dt_h,
-            (block["unserved_kw"] + block["home_unserved_kw"]).sum() * dt_h,
-        )
-        columns = (block["bill"], block["baseline_bill"], block["fallback"])
-        sums = np.stack([column.sum(axis=0) for column in columns], axis=-1)
-        for home, row in zip(block.roster.homes, sums, strict=True):
-            homes[home] = homes[home] + row if home in homes else row
+    totals = run.totals()
+    market, homes = totals.market(), totals.of_homes(totals.homes)
+    bills = zip(totals.homes, homes["bill"].tolist(), homes["baseline_bill"].tolist(), strict=True)
     return Results(
-        slots=slots,
-        bills={home: Pair(float(row[0]), float(row[1])) for home, row in homes.items()},
-        fallbacks={home: int(row[2]) for home, row in homes.items()},
-        grid_fallbacks=grid_fallbacks,
-        profit=Pair(*profit.tolist()),
-        reserve=Pair(*reserve.tolist()),
-        curtailed_kwh=float(lost[0]),
-        unserved_kwh=float(lost[1]),
-        first_settled_at=first_settled_at,
+        slots=totals.slots,
+        bills={home: Pair(bill, baseline) for home, bill, baseline in bills},
+        fallbacks={home: int(count) for home, count in zip(totals.homes, homes["fallback"].tolist(), strict=True)},
+        grid_fallbacks=totals.grid_fallbacks,
+        profit=Pair(market["profit"], market["baseline_profit"]),
+        reserve=Pair(market["reserve_kwh"], market["baseline_reserve_kwh"]),
+        all_bills=Pair(market["bills"], market["baseline_bills"]),
+        curtailed_kwh=market["curtailed_kwh"],
+        unserved_kwh=market["unserved_kwh"],
+        first_settled_at=None if run.kept_from() else run.records(limit=1)[0].settled_at,
     )

@@ -70,9 +70,7 @@ def remarks(found: Results, info: RunInfo, journal: str, command: str, since: fl
     """What else there is to say, line by line."""
     hours = found.slots * info.dt_h
     lines = [f"{found.slots:,} slots ({hours / 24:.3g} days) settled; run {info.name}, seed {info.seed}."]
-    if info.slots > found.slots:
-        lines[0] = f"{info.slots:,} slots settled; the figures are of the last {found.slots:,}, which the journal kept."
-    elif info.started_at >= since:
+    if found.first_settled_at is not None and info.started_at >= since:
         lines[0] += f" First slot after {found.first_settled_at - since:.2f} s."
     missed = sum(found.fallbacks.values())
     if missed or found.grid_fallbacks:

@@ -20,7 +20,7 @@ from zengrid import logs
 from zengrid.bus.clock_link import BusEvent, ClockLink
 from zengrid.core.state import Action, Exogenous
 from zengrid.errors import JournalError
-from zengrid.journal import Totals
+from zengrid.journal import RunTotals
 from zengrid.scenario import dumps
 from zengrid.wire.codec import encode, encode_fields
 from zengrid_clock.actions import CommandRange, read_commands, read_price
@@ -98,7 +98,7 @@ class Clock:
         self.hub = hub
         self.market = LiveMarket(scenario, days)
         self.registry = AgentRegistry(agent.id for agent in scenario.agents)
-        self.state = RunState(scenario.slots_per_day, min(scenario.buy_prices), Totals(scenario.dt_h))
+        self.state = RunState(scenario.slots_per_day, min(scenario.buy_prices), RunTotals(scenario.dt_h))
         self.pace = Pace(scenario.dt_h * 3600.0, settings.speed, settings.deadline_s)
         self.observations = ObservationWriter(hub.keys.run, self.market)
         self.event_log = EventLog(self.state)

@@ -11,7 +11,7 @@ from zengrid.errors import JournalError, JournalUnavailableError
 
 if TYPE_CHECKING:
     from zengrid.journal import Roster as RosterRecord
-    from zengrid.journal import Run, SlotRecord, Totals
+    from zengrid.journal import Run, RunTotals, SlotRecord
 
 RETRY_S = 0.5
 """Pause before a journal that could not take a slot is tried again."""
@@ -47,7 +47,7 @@ class JournalWriter:
         self,
         record: SlotRecord,
         roster: RosterRecord | None,
-        totals: Totals | None,
+        totals: RunTotals | None,
         meanwhile: Callable[[float], object],
     ) -> None:
         """Write a slot.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from zengrid.journal import Totals
+from zengrid.journal import RunTotals
 
 if TYPE_CHECKING:
     from zengrid.journal import SlotRecord
@@ -18,7 +18,7 @@ class RunState:
     slots_per_day: int
     buy_price: float
     """In force: the price of the last slot, until the grid agent sets the next one. [$/kWh]"""
-    totals: Totals
+    totals: RunTotals
     day: int = 0
     slot: int = 0
     """Day and slot that are being played, or come next."""

@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from zengrid.journal import TOTALS
-from zengrid.wire.queries import AgentStatus, HomesStatus, Status, Totals
+from zengrid.wire.requests import AgentStatus, HomesStatus, Status, Totals
 
 if TYPE_CHECKING:
-    from zengrid.journal import Totals as RunTotals
+    from zengrid.journal import RunTotals
     from zengrid.scenario import Scenario
     from zengrid.wire.slots import SettledSlot
     from zengrid_clock.agent_registry import AgentRegistry
@@ -98,7 +97,7 @@ class StatusReport:
 
 
 def _totals(totals: RunTotals) -> Totals:
-    values: dict[str, Any] = dict(zip(TOTALS, totals.values.tolist(), strict=True))
+    values: dict[str, Any] = totals.market()
     return Totals(slots=totals.slots, **values)
 
 
@@ -106,7 +105,7 @@ def homes_status(market: LiveMarket, totals: RunTotals, slot: int) -> HomesStatu
     """The state of all homes: PV and load of a slot, outcome of the last settled slot, bills since the start."""
     last = market.last
     zeros = np.zeros(len(market.homes))
-    bill, baseline_bill = totals.bills(market.homes)
+    sums = totals.of_homes(market.homes)
     profile = market.profile(slot) if market.day >= 0 else None
     return HomesStatus(
         homes=market.homes,
@@ -118,6 +117,6 @@ def homes_status(market: LiveMarket, totals: RunTotals, slot: int) -> HomesStatu
         injection_kw=zeros if last is None else last.injection_kw,
         pv_kw=zeros if profile is None else profile.pv_kw,
         load_kw=zeros if profile is None else profile.load_kw,
-        bill=bill,
-        baseline_bill=baseline_bill,
+        bill=sums["bill"],
+        baseline_bill=sums["baseline_bill"],
     )

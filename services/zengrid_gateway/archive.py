@@ -147,10 +147,12 @@ class Archive:
 
     async def past(self, name: str | None) -> Past:
         """A run by its name in the journal; by default the current one."""
-        if name is None:
-            return await self.current()
+        return await self.current() if name is None else JournalPast(await self.run(name))
+
+    async def run(self, name: str) -> RunView:
+        """A run of the journal by its name."""
         try:
-            return JournalPast(await self._read(lambda journal: journal.run(name)))
+            return await self._read(lambda journal: journal.run(name))
         except JournalUnavailableError:
             raise
         except JournalError as error:

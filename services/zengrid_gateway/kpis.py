@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
-
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
-from zengrid.wire.queries import Status
-from zengrid_gateway.archive import Past
+from zengrid.journal import RunTotals
+from zengrid.wire.requests import Status, Totals
+
+Floats = NDArray[np.float64]
 
 
 class Kpi(BaseModel):
@@ -38,51 +39,24 @@ class Kpis(BaseModel):
     prosumers: dict[str, Kpi] = Field(description="Bill of each home [$].")
 
 
-class Sums:
-    """What a run of the journal adds up to; a longer run is read from where it was left."""
-
-    FIGURES = ("profit", "baseline_profit", "curtailed_kwh", "unserved_kwh")
-
-    def __init__(self) -> None:
-        self.slots = 0
-        self._market: defaultdict[str, float] = defaultdict(float)
-        self._homes: defaultdict[str, Kpi] = defaultdict(lambda: Kpi.of(0.0, 0.0))
-
-    def read_on(self, past: Past) -> Kpis:
-        """Add what was settled since, and report. Blocks the calling thread."""
-        settled = past.count()
-        for part in past.parts(self.slots, settled, homes=True):
-            for name in self.FIGURES:
-                self._market[name] += float(part[name].sum())
-            for name in ("facility_kw", "baseline_facility_kw"):
-                self._market[name] += float(part[name][:, 1:].sum()) * past.dt_h
-            bills, conventional = part["bill"].sum(axis=0), part["baseline_bill"].sum(axis=0)
-            for home, bill, other in zip(part.homes, bills.tolist(), conventional.tolist(), strict=True):
-                known = self._homes[home]
-                self._homes[home] = Kpi.of(known.value + bill, known.conventional + other)
-        self.slots = settled
-        market = self._market
-        return Kpis(
-            run=past.name,
-            slots=self.slots,
-            profit=Kpi.of(market["profit"], market["baseline_profit"]),
-            bills=Kpi.of(
-                sum(kpi.value for kpi in self._homes.values()), sum(kpi.conventional for kpi in self._homes.values())
-            ),
-            reserve_kwh=Kpi.of(market["facility_kw"], market["baseline_facility_kw"]),
-            curtailed_kwh=market["curtailed_kwh"],
-            unserved_kwh=market["unserved_kwh"],
-            prosumers=dict(self._homes),
-        )
+def of_run(run: str, totals: RunTotals) -> Kpis:
+    """The figures of a run of the journal, of all homes that ever took part."""
+    market = Totals.model_validate({"slots": totals.slots, **totals.market()})
+    sums = totals.of_homes(totals.homes)
+    return _kpis(run, market, totals.homes, sums["bill"], sums["baseline_bill"])
 
 
 def of_status(status: Status) -> Kpis:
-    """The running market's, as its clock tells them: homes that have left are in the sums alone."""
-    totals, homes = status.totals, status.homes
-    none = np.zeros(0)
-    ids, bills, conventional = ((), none, none) if homes is None else (homes.homes, homes.bill, homes.baseline_bill)
+    """The figures of the running market; homes that have left count in the market's sums alone."""
+    homes = status.homes
+    if homes is None:
+        return _kpis(status.run, status.totals, (), np.zeros(0), np.zeros(0))
+    return _kpis(status.run, status.totals, homes.homes, homes.bill, homes.baseline_bill)
+
+
+def _kpis(run: str, totals: Totals, homes: tuple[str, ...], bills: Floats, baseline_bills: Floats) -> Kpis:
     return Kpis(
-        run=status.run,
+        run=run,
         slots=totals.slots,
         profit=Kpi.of(totals.profit, totals.baseline_profit),
         bills=Kpi.of(totals.bills, totals.baseline_bills),
@@ -90,7 +64,7 @@ def of_status(status: Status) -> Kpis:
         curtailed_kwh=totals.curtailed_kwh,
         unserved_kwh=totals.unserved_kwh,
         prosumers={
-            home: Kpi.of(bill, other)
-            for home, bill, other in zip(ids, bills.tolist(), conventional.tolist(), strict=True)
+            home: Kpi.of(bill, baseline)
+            for home, bill, baseline in zip(homes, bills.tolist(), baseline_bills.tolist(), strict=True)
         },
     )

@@ -10,9 +10,9 @@ from fastapi import APIRouter, Depends, Path
 from pydantic import BaseModel, Field
 from starlette.requests import HTTPConnection
 
-from zengrid.journal import RunInfo
+from zengrid.journal import RunInfo, RunTotals, RunView
 from zengrid_gateway.archive import ArchiveOf
-from zengrid_gateway.kpis import Kpis, Sums, of_status
+from zengrid_gateway.kpis import Kpis, of_run, of_status
 from zengrid_gateway.link import Link
 from zengrid_gateway.problems import documented
 
@@ -57,14 +57,15 @@ class Book:
 
     def __init__(self) -> None:
         self.lock = asyncio.Lock()
-        self._sums: dict[str, Sums] = {}
+        self._totals: dict[str, RunTotals] = {}
 
-    def sums(self, run: str) -> Sums:
-        """What is known of a run."""
-        self._sums[run] = sums = self._sums.pop(run, None) or Sums()
-        if len(self._sums) > self.KEPT:
-            del self._sums[next(iter(self._sums))]
-        return sums
+    def read(self, run: RunView) -> RunTotals:
+        """Add up a run; only slots settled since the last call are read. Blocks the calling thread."""
+        # Taken out first: if reading fails half-way, the next call starts from the journal's own sums.
+        self._totals[run.name] = totals = run.totals(known=self._totals.pop(run.name, None))
+        if len(self._totals) > self.KEPT:
+            del self._totals[next(iter(self._totals))]
+        return totals
 
 
 async def _book(connection: HTTPConnection) -> Book:
@@ -85,9 +86,9 @@ async def runs(archive: ArchiveOf) -> Runs:
 @router.get("/v1/runs/{run}/kpis", responses=documented("journal-away", "not-found", "invalid"))
 async def run_kpis(archive: ArchiveOf, book: BookOf, run: RunName) -> Kpis:
     """How a run of the journal fared beside the same days without demand response."""
-    past = await archive.past(run)
+    found = await archive.run(run)
     async with book.lock:
-        return await asyncio.to_thread(book.sums(run).read_on, past)
+        return of_run(found.name, await asyncio.to_thread(book.read, found))
 
 
 @router.get("/v1/kpis", responses=documented("market-away"))

@@ -5,7 +5,7 @@ from zengrid.journal.journal import Journal
 from zengrid.journal.record import SlotRecord
 from zengrid.journal.roster import Roster
 from zengrid.journal.run import Run
-from zengrid.journal.totals import TOTALS, Totals
+from zengrid.journal.totals import RunTotals
 from zengrid.journal.view import RunInfo, RunView
 
-__all__ = ["TOTALS", "Block", "Journal", "Roster", "Run", "RunInfo", "RunView", "SlotRecord", "Totals"]
+__all__ = ["Block", "Journal", "Roster", "Run", "RunInfo", "RunTotals", "RunView", "SlotRecord"]

@@ -10,7 +10,6 @@ from pathlib import Path
 from zengrid.errors import JournalError
 from zengrid.journal.audit import audit
 from zengrid.journal.journal import Journal
-from zengrid.journal.totals import Totals
 from zengrid.journal.view import RunView
 
 CHUNK_VALUES = 100_000
@@ -54,8 +53,7 @@ def prune(journal: Journal, run: RunView, keep_days: int, *, progress: Callable[
     steps = []
     _, summed, data = journal.query(sql.kept, (run.id,))[0]
     if data is None or summed < kept_from:
-        totals = run.totals(kept_from)
-        steps.append((sql.write_totals, (kept_from, totals.encode(_version_at(run, kept_from - 1)), run.id)))
+        steps.append((sql.write_totals, (kept_from, run.totals(kept_from).encode(), run.id)))
     journal.write([*steps, (sql.keep_from, (kept_from, run.id))] if kept_from > run.kept_from() else [])
     deleted = 0
     # An earlier call that was interrupted may have left some.
@@ -72,9 +70,6 @@ def prune(journal: Journal, run: RunView, keep_days: int, *, progress: Callable[
         # A running market has its turn, too.
         time.sleep(time.monotonic() - began)
     oldest = _version_at(run, kept_from)
-    data = journal.query(sql.kept, (run.id,))[0][2]
-    if data is not None:
-        oldest = min(oldest, Totals.roster_version(data))
     before = len(run.rosters())
     journal.write([(sql.delete_rosters, (run.id, oldest))])
     return Pruned(run.name, kept_from, deleted, before - sum(it.version >= oldest for _, it in run.rosters()))

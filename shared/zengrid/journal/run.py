@@ -9,7 +9,7 @@ from zengrid.journal.columns import HOME_ARRAYS
 from zengrid.journal.database import Database, Row, Step, Writer
 from zengrid.journal.record import SlotRecord
 from zengrid.journal.roster import Roster
-from zengrid.journal.totals import Totals
+from zengrid.journal.totals import RunTotals
 from zengrid.journal.view import Query, RunInfo, RunView
 
 
@@ -32,13 +32,13 @@ class Run(RunView):
         self._roster_version = roster.version if roster else None
         self._homes = len(roster.homes) if roster else 0
 
-    def commit(self, record: SlotRecord, roster: Roster | None = None, totals: Totals | None = None) -> None:
+    def commit(self, record: SlotRecord, roster: Roster | None = None, totals: RunTotals | None = None) -> None:
         """Store a settled slot, and the roster if it changed, in one transaction.
 
         Parameters
         ----------
         totals:
-            What the slots before this one add up to, to be kept beside it: now and then is enough.
+            Sums over the slots before this one, to be stored with it. Once in many slots is enough.
 
         Raises
         ------
@@ -62,9 +62,9 @@ class Run(RunView):
         steps: list[Step] = [(self._sql.insert_slot, (self.id, *row))]
         if roster is not None:
             steps.insert(0, (self._sql.insert_roster, (self.id, roster.version, record.position, roster.encode())))
-        if totals is not None and self._roster_version is not None:
+        if totals is not None and self.position:
             # Last but one: what a writer counts is the slot, which comes last.
-            steps.insert(0, (self._sql.write_totals, (self.position, totals.encode(self._roster_version), self.id)))
+            steps.insert(0, (self._sql.write_totals, (self.position, totals.encode(), self.id)))
         try:
             # After an attempt that failed it can be unknown whether the database has the slot (the connection broke
             # before the answer). It is looked for under the lock: until then the lost connection may still commit.

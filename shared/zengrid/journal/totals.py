@@ -1,4 +1,4 @@
-"""What a run adds up to, beside its baseline without demand response; kept in the journal as one array of float64."""
+"""Sums over all settled slots of a run, beside its baseline without demand response; the journal keeps them."""
 
 from __future__ import annotations
 
@@ -12,79 +12,115 @@ from zengrid.errors import JournalError
 from zengrid.journal.block import Block
 from zengrid.journal.columns import FLOAT
 from zengrid.journal.record import SlotRecord
-from zengrid.journal.roster import Roster
 
 Floats = NDArray[np.float64]
 
-TOTALS = (
+MARKET_TOTALS = (
     "profit", "baseline_profit", "bills", "baseline_bills", "reserve_kwh", "baseline_reserve_kwh",
     "curtailed_kwh", "unserved_kwh",
 )  # fmt: skip
+"""Names of the market's sums. [$], [kWh]"""
+HOME_TOTALS = ("bill", "baseline_bill", "fallback")
+"""Columns whose sum is kept for each home: bills [$], and slots in which the fallback acted."""
 _COUNTED = (
-    "profit", "baseline_profit", "bill", "baseline_bill", "facility_kw", "baseline_facility_kw",
-    "curtailed_kw", "home_curtailed_kw", "unserved_kw", "home_unserved_kw",
+    "profit", "baseline_profit", "facility_kw", "baseline_facility_kw", "curtailed_kw", "home_curtailed_kw",
+    "unserved_kw", "home_unserved_kw", "grid_fallback", *HOME_TOTALS,
 )  # fmt: skip
-"""What of a slot is added up."""
+"""Columns of a slot that are added up."""
 
 
 QUEUED_SLOTS, QUEUED_VALUES = 64, 10_000
-"""So many slots, or values of one column, wait to be added up at once: one by one each costs as much as all of them."""
+"""Slots, or values of one column, that wait to be added up at once: one by one, each would cost as much as all."""
 
 
-class Totals:
-    """Sums over all settled slots: of the market [$, kWh], and of each home that takes part now [$].
+class RunTotals:
+    """Sums over all settled slots: of the market, and of each home that ever took part.
 
-    Whoever has them need not read the slots again: a clock that resumes, and ``prune``, which deletes them.
+    A home that leaves keeps its sums and, if it comes back under the same id, continues them. Pruned slots stay counted
+    because ``prune`` writes the sums before it deletes slots. A clock that resumes reads the sums, not the slots.
+
+    Parameters
+    ----------
+    dt_h:
+        Length of a slot. [h]
     """
 
     def __init__(self, dt_h: float) -> None:
         self.slots = 0
-        """All that were added."""
-        self._values = np.zeros(len(TOTALS))
-        self.homes: tuple[str, ...] = ()
-        self._bill: Floats = np.zeros(0)
-        """(home,)"""
-        self._conventional_bill: Floats = np.zeros(0)
-        """(home,)"""
+        """Slots counted."""
+        self._grid_fallbacks = 0
+        self._market: Floats = np.zeros(len(MARKET_TOTALS))
+        self._homes: Floats = np.zeros((len(HOME_TOTALS), 0))
+        """(total, home)"""
+        self._index: dict[str, int] = {}
+        """Position of each home in it, in order of their first slot."""
+        self._present: tuple[str, ...] = ()
+        """Homes of the slots in the queue."""
+        self._at: slice | NDArray[np.intp] = slice(0)
+        """Their positions."""
         self._dt_h = dt_h
         self._queue: list[SlotRecord] = []
-        """Slots of these homes that are not in the sums yet."""
+        """Slots that are not in the sums yet."""
 
     @property
-    def values(self) -> Floats:
-        """Of the market, in the order of ``TOTALS``."""
-        self._add_queue()
-        return self._values
+    def homes(self) -> tuple[str, ...]:
+        """All homes that ever took part, in order of their first slot."""
+        return tuple(self._index)
 
-    def bills(self, homes: tuple[str, ...]) -> tuple[Floats, Floats]:
-        """Sums of these homes' bills, and what they would be without demand response, ``(home,)`` each. [$]"""
+    @property
+    def grid_fallbacks(self) -> int:
+        """Slots in which the grid agent's fallback acted."""
         self._add_queue()
-        if homes is self.homes or homes == self.homes:
-            return self._bill, self._conventional_bill
-        before = {home: i for i, home in enumerate(self.homes)}
-        at = np.array([before.get(home, -1) for home in homes], np.intp)
-        # The last entry is what a new home begins with.
-        return np.append(self._bill, 0.0)[at], np.append(self._conventional_bill, 0.0)[at]
+        return self._grid_fallbacks
+
+    def market(self) -> dict[str, float]:
+        """The market's sums by the names in ``MARKET_TOTALS``. [$], [kWh]"""
+        self._add_queue()
+        return dict(zip(MARKET_TOTALS, self._market.tolist(), strict=True))
+
+    def of_homes(self, homes: tuple[str, ...]) -> dict[str, Floats]:
+        """Sums of some homes by the names in ``HOME_TOTALS``, ``(home,)`` each; 0 for a home without a slot."""
+        self._add_queue()
+        if homes is self._present or homes == self._present:
+            sums = self._homes[:, self._at].copy()
+        else:
+            # The last entry stands for homes without a slot.
+            places = np.array([self._index.get(home, -1) for home in homes], np.intp)
+            sums = np.pad(self._homes, ((0, 0), (0, 1)))[:, places]
+        return dict(zip(HOME_TOTALS, sums, strict=True))
 
     def add(self, record: SlotRecord, homes: tuple[str, ...]) -> None:
-        """Count one slot."""
-        if homes is not self.homes:
-            self._follow(homes)
+        """Count one slot.
+
+        Parameters
+        ----------
+        homes:
+            Ids of the homes, in the order of the record's arrays.
+        """
+        if homes is not self._present:
+            self._switch_to(homes)
         self.slots += 1
         self._queue.append(record)
         if len(self._queue) >= QUEUED_SLOTS or len(self._queue) * len(homes) >= QUEUED_VALUES:
             self._add_queue()
 
     def add_block(self, block: Block) -> None:
-        """Count the slots of a piece of a journal."""
-        self._follow(block.roster.homes)
+        """Count the slots of a block of the journal."""
+        self._switch_to(block.roster.homes)
         self.slots += len(block)
         self._add(block.columns)
 
-    def _follow(self, homes: tuple[str, ...]) -> None:
-        """Go on with other homes: those that stay keep their sums, those that come begin at zero."""
-        self._bill, self._conventional_bill = self.bills(homes)
-        self.homes = homes
+    def _switch_to(self, homes: tuple[str, ...]) -> None:
+        """Add what follows to these homes."""
+        self._add_queue()
+        if homes != self._present:
+            for home in homes:
+                self._index.setdefault(home, len(self._index))
+            self._homes = np.pad(self._homes, ((0, 0), (0, len(self._index) - self._homes.shape[1])))
+            places = [self._index[home] for home in homes]
+            prefix = places == list(range(len(places)))
+            self._at = slice(len(places)) if prefix else np.array(places, np.intp)
+        self._present = homes
 
     def _add_queue(self) -> None:
         queue, self._queue = self._queue, []
@@ -93,36 +129,46 @@ class Totals:
 
     def _add(self, columns: Mapping[str, NDArray[Any]]) -> None:
         dt_h = self._dt_h
-        self._bill = self._bill + np.add.reduce(columns["bill"])
-        self._conventional_bill = self._conventional_bill + np.add.reduce(columns["baseline_bill"])
+        for sums, name in zip(self._homes, HOME_TOTALS, strict=True):
+            sums[self._at] += np.sum(columns[name], axis=0)
         added = (
             columns["profit"], columns["baseline_profit"], columns["bill"], columns["baseline_bill"],
             columns["facility_kw"][:, 1:] * dt_h, columns["baseline_facility_kw"][:, 1:] * dt_h,
             (columns["curtailed_kw"] + columns["home_curtailed_kw"]) * dt_h,
             (columns["unserved_kw"] + columns["home_unserved_kw"]) * dt_h,
         )  # fmt: skip
-        self._values = self._values + [float(np.sum(column)) for column in added]
+        self._market = self._market + [float(np.sum(column)) for column in added]
+        self._grid_fallbacks += int(np.sum(columns["grid_fallback"]))
 
-    def encode(self, roster_version: int) -> bytes:
-        """As the journal keeps it: version of the roster whose homes these are, slots, sums, bills."""
-        head = (float(roster_version), float(self.slots))
+    def encode(self) -> bytes:
+        """Write as the journal keeps it: float64 numbers, then the homes' ids, one a line."""
         self._add_queue()
-        return np.concatenate([head, self._values, self._bill, self._conventional_bill]).astype(FLOAT).tobytes()
-
-    @staticmethod
-    def roster_version(data: bytes) -> int:
-        """Whose bills they are."""
-        return int(np.frombuffer(data[: FLOAT.itemsize], FLOAT)[0])
+        head = (self.slots, self._grid_fallbacks, len(self._index))
+        numbers = np.concatenate([np.array(head, FLOAT), self._market, self._homes.ravel()]).astype(FLOAT)
+        return numbers.tobytes() + "\n".join(self._index).encode()
 
     @classmethod
-    def decode(cls, data: bytes, roster: Roster, dt_h: float) -> Self:
-        """The inverse of ``encode``."""
-        numbers, count = np.frombuffer(data, FLOAT), len(roster.homes)
-        if numbers.size != 2 + len(TOTALS) + 2 * count:
-            raise JournalError(f"the journal is damaged: its totals are not those of {count} homes")
+    def decode(cls, data: bytes, dt_h: float) -> Self:
+        """Read what ``encode`` wrote.
+
+        Raises
+        ------
+        JournalError
+            The data is of another length than it says.
+        """
         made = cls(dt_h)
-        made.slots, made.homes = int(numbers[1]), roster.homes
-        _, made._values, made._bill, made._conventional_bill = (
-            part.copy() for part in np.split(numbers, np.cumsum([2, len(TOTALS), count]))
-        )
+        try:
+            slots, grid_fallbacks, count = (int(number) for number in np.frombuffer(data, FLOAT, 3))
+            market, homes = np.split(
+                np.frombuffer(data, FLOAT, len(MARKET_TOTALS) + len(HOME_TOTALS) * count, 3 * FLOAT.itemsize),
+                [len(MARKET_TOTALS)],
+            )
+            names = data[(3 + market.size + homes.size) * FLOAT.itemsize :].decode().split("\n") if count else []
+            made._index = {name: place for place, name in enumerate(names)}
+            if len(made._index) != count:
+                raise ValueError(f"{len(made._index)} ids for {count} homes")
+        except (ValueError, OverflowError) as error:
+            raise JournalError(f"the journal is damaged: its totals cannot be read ({error})") from error
+        made.slots, made._grid_fallbacks = slots, grid_fallbacks
+        made._market, made._homes = market.copy(), homes.reshape(len(HOME_TOTALS), count).copy()
         return made

@@ -18,7 +18,7 @@ from zengrid.journal.database import Row
 from zengrid.journal.record import SlotRecord
 from zengrid.journal.roster import Roster
 from zengrid.journal.statements import Statements
-from zengrid.journal.totals import Totals
+from zengrid.journal.totals import RunTotals
 
 Query = Callable[[str, Row], list[Row]]
 
@@ -75,18 +75,30 @@ class RunView:
         """Position of the first slot that is kept: those before it were pruned."""
         return int(self._query(self._sql.kept, (self.id,))[0][0])
 
-    def totals(self, until: int | None = None) -> Totals:
-        """What all slots up to, without, a position add up to, pruned ones included; by default all there are."""
-        end = self.count() if until is None else until
+    def totals(self, until: int | None = None, known: RunTotals | None = None) -> RunTotals:
+        """Add up all slots before a position, pruned ones included; by default all there are.
+
+        Parameters
+        ----------
+        known:
+            Sums that an earlier call returned. Only the slots settled since are read, and added to them.
+
+        Raises
+        ------
+        JournalError
+            Some of these slots were pruned, and the sums in the journal already count later ones.
+        """
+        count = self.count()
+        end = count if until is None else min(until, count)
         _, position, data = self._query(self._sql.kept, (self.id,))[0]
-        totals = Totals(self.info.dt_h)
-        if data is not None and position <= end:
-            totals = Totals.decode(data, self.roster(Totals.roster_version(data)), self.info.dt_h)
-        if totals.slots < end:
-            for block in self.blocks(totals.slots, end):
-                if int(block["position"][0]) != totals.slots:
-                    raise JournalError(f"run {self.name!r}: the slots from position {totals.slots} on were pruned")
+        totals = RunTotals(self.info.dt_h) if known is None or known.slots > end else known
+        if data is not None and totals.slots < position <= end:
+            totals = RunTotals.decode(data, self.info.dt_h)
+        for block in self.blocks(totals.slots, end):
+            if int(block["position"][0]) == totals.slots:
                 totals.add_block(block)
+        if totals.slots != end:
+            raise JournalError(f"run {self.name!r}: the slots from position {totals.slots} on were pruned")
         return totals
 
     def last(self) -> SlotRecord | None:

@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 
 from support.journal_records import begin, changed, differences, fill, record, records, roster
 from zengrid.errors import JournalError
-from zengrid.journal import Journal, Totals
+from zengrid.journal import Journal, RunTotals
 from zengrid.journal.audit import audit
 from zengrid.journal.maintenance import backup, prune
 from zengrid_cli.journal import app
@@ -52,12 +52,15 @@ def until(child: subprocess.Popen[str], position: int) -> None:
     pytest.fail("the writer died by itself")
 
 
-def same(left: Totals, right: Totals) -> bool:
+def same(left: RunTotals, right: RunTotals) -> bool:
     return (
         left.slots == right.slots
         and left.homes == right.homes
-        and np.allclose(left.values, right.values, rtol=1e-12)
-        and np.allclose(left.bills(left.homes), right.bills(right.homes), rtol=1e-12)
+        and left.grid_fallbacks == right.grid_fallbacks
+        and np.allclose(list(left.market().values()), list(right.market().values()), rtol=1e-12)
+        and np.allclose(
+            list(left.of_homes(left.homes).values()), list(right.of_homes(right.homes).values()), rtol=1e-12
+        )
     )
 
 
