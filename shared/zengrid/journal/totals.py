@@ -130,7 +130,7 @@ class RunTotals:
     def _add(self, columns: Mapping[str, NDArray[Any]]) -> None:
         dt_h = self._dt_h
         for sums, name in zip(self._homes, HOME_TOTALS, strict=True):
-            sums[self._at] += np.sum(columns[name], axis=0)
+            sums[self._at] += np.add.reduce(columns[name], dtype=np.float64)
         added = (
             columns["profit"], columns["baseline_profit"], columns["bill"], columns["baseline_bill"],
             columns["facility_kw"][:, 1:] * dt_h, columns["baseline_facility_kw"][:, 1:] * dt_h,
