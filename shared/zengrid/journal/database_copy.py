@@ -7,7 +7,7 @@ from typing import Any
 
 from zengrid.journal.columns import COLUMNS
 from zengrid.journal.database import Connection, Database
-from zengrid.journal.tables import ROSTER, RUN, SLOT
+from zengrid.journal.sql_tables import ROSTER, RUN, SLOT
 
 ROWS = 200
 """Slots in memory at a time."""

@@ -34,7 +34,7 @@ class PostgresDatabase:
         from sqlalchemy.engine import make_url
         from sqlalchemy.exc import ArgumentError
 
-        from zengrid.journal.tables import statements
+        from zengrid.journal.sql_tables import statements
 
         try:
             parsed = make_url(url).set(drivername="postgresql+psycopg")

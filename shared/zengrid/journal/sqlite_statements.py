@@ -1,4 +1,4 @@
-"""The statements for SQLite, compiled by ``python -m zengrid.journal.tables``: do not edit."""
+"""The statements for SQLite, written by ``tools/make_sqlite_statements.py``: do not edit."""
 
 from zengrid.journal.statements import Statements
 

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
 
-from support.journal_records import SLOTS_PER_DAY, begin, changed, fill, record, roster
-from support.random_slots import Slot, slots
-from zengrid.core.settle import settle
-from zengrid.journal import Journal, SlotRecord
-from zengrid.journal.audit import FINDINGS_MAX, _balances, _sequence, audit
+from support.journals import SLOTS_PER_DAY, begin, changed, fill, record, roster
+from zengrid.journal import Journal
+from zengrid.journal.audit import FINDINGS_MAX, _sequence, audit
 from zengrid.journal.block import Block
 from zengrid.journal.columns import COLUMNS
 
@@ -23,18 +20,6 @@ def test_a_sound_run_has_no_findings(journal: Journal) -> None:
 
 def test_an_empty_run_has_no_findings(journal: Journal) -> None:
     assert audit(begin(journal)) == []
-
-
-@given(slots())
-def test_whatever_the_core_settles_balances(slot: Slot) -> None:
-    settled = settle(slot.soc, slot.action, slot.exogenous, slot.market)
-    fallback = np.zeros(len(slot.soc), bool)
-    made = SlotRecord.of(
-        0, 0, 0, 0.0, float(slot.action.buy_price), slot.exogenous, settled, settled, fallback, False, 1
-    )
-    block = Block(roster(len(slot.soc)), {name: np.asarray(getattr(made, name))[None] for name in COLUMNS})
-    for name, residual, scale in _balances(block, slot.market.dt_h):
-        assert abs(residual[0]) <= 1e-9 * max(scale[0], 1.0), name
 
 
 FOUND_IN = {

@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from support.journal_records import begin, fill, record
+import make_sqlite_statements
+from support.journals import begin, fill, record
 from zengrid.errors import JournalError
 from zengrid.journal import Journal, Run
 from zengrid.journal.audit import audit
@@ -255,11 +256,9 @@ def test_the_clock_pays_for_nothing_it_does_not_need() -> None:
     assert done.stdout == "\n"
 
 
-def test_the_statements_for_sqlite_are_up_to_date() -> None:
-    from zengrid.journal import tables
-
-    written = Path(tables.__file__).with_name("sqlite_statements.py").read_text(encoding="utf-8")
-    assert written == tables.sqlite_module(), "run: python -m zengrid.journal.tables"
+def test_the_statements_for_sqlite_are_fresh() -> None:
+    written = make_sqlite_statements.TARGET.read_text(encoding="utf-8")
+    assert written == make_sqlite_statements.source(), "run: python tools/make_sqlite_statements.py"
 
 
 def test_columns_of_a_record_are_columns_of_the_table() -> None:

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from make_scenario_data import write_data
 from zengrid.errors import ScenarioError
 from zengrid.scenario import Scenario, load
 from zengrid.scenario import site as site_module
 from zengrid.scenario.profiles import resample
 from zengrid.scenario.readers.table import Table
 from zengrid.scenario.site import Site, clear_sky, compute_clear_sky, pv_output, sky_file
-from zengrid.scenario.tables import write_tables
 
 SHIPPED = Path(site_module.__file__).parent / "data"
 BERLIN = Site(latitude=52.5, longitude=13.4, timezone="Europe/Berlin", altitude_m=40, date="06-21")
@@ -26,7 +26,7 @@ def place(paper: Scenario) -> Site:
 
 
 def test_the_shipped_tables_are_those_that_are_computed(tmp_path: Path) -> None:
-    write_tables(tmp_path)
+    write_data(tmp_path)
     made = sorted(path.name for path in tmp_path.iterdir())
     assert made == sorted(path.name for path in SHIPPED.iterdir() if not path.name.startswith("paper_"))
     for name in made:

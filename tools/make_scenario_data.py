@@ -1,8 +1,8 @@
-"""Makes the shipped tables that are computed: ``python -m zengrid.scenario.tables FOLDER`` writes them into a folder.
+"""Computes the data that ships with the built-in scenarios: ``python tools/make_scenario_data.py FOLDER``.
 
-``village_15min.csv`` are load shapes of mean 1 kW, chosen for zengrid: bumps around the hours at which such households
-use most. ``sky_*.npy`` is the clear sky of the built-in scenarios' site, by pvlib. The profiles of ``paper`` are not
-made here: they are the case study's own (see docs/scenarios.md).
+``village_15min.csv`` holds load shapes with a mean of 1 kW, chosen for zengrid: bumps around the hours at which such
+households use most. ``sky_*.npy`` is the clear sky at the built-in scenarios' site, computed with pvlib. The profiles
+of ``paper`` come from the case study and are not computed (see docs/scenarios.md).
 """
 
 from __future__ import annotations
@@ -12,6 +12,9 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
+from zengrid.scenario import load
+from zengrid.scenario.site import compute_clear_sky, sky_file
 
 Floats = NDArray[np.float64]
 
@@ -42,11 +45,8 @@ def load_shapes() -> dict[str, Floats]:
     return shapes
 
 
-def write_tables(folder: Path) -> None:
-    """Write all computed tables into a folder."""
-    from zengrid.scenario.files import load
-    from zengrid.scenario.site import compute_clear_sky, sky_file
-
+def write_data(folder: Path) -> None:
+    """Write all computed files into a folder."""
     shapes = load_shapes()
     lines = ["time," + ",".join(f"{name}_load_kw" for name in shapes)]
     for slot in range(STEPS):
@@ -62,4 +62,4 @@ def write_tables(folder: Path) -> None:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
-    write_tables(parser.parse_args().folder)
+    write_data(parser.parse_args().folder)

@@ -1,12 +1,11 @@
 """The journal's tables in SQLAlchemy Core, and its statements compiled for a database.
 
-SQLAlchemy takes longer to import than the whole market to start. The statements for SQLite are therefore compiled ahead
-into ``sqlite_statements.py``: ``python -m zengrid.journal.tables`` writes it anew, and a test keeps it fresh.
+SQLAlchemy takes longer to import than the whole market to start. The statements for SQLite are therefore compiled
+beforehand, into ``sqlite_statements.py``, by ``tools/make_sqlite_statements.py``.
 """
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 from sqlalchemy import (
@@ -160,32 +159,3 @@ def statements(dialect: Dialect) -> Statements:
             *(f"at_{name}" for name in HOME_ARRAYS), "run_id", "since", "until",
         ),
     )  # fmt: skip
-
-
-def sqlite_module() -> str:
-    """Source of ``sqlite_statements.py``."""
-    from dataclasses import fields
-
-    from sqlalchemy.dialects.sqlite import dialect
-
-    compiled = statements(dialect(paramstyle="qmark"))
-    lines = [
-        '"""The statements for SQLite, compiled by ``python -m zengrid.journal.tables``: do not edit."""',
-        "",
-        "from zengrid.journal.statements import Statements",
-        "",
-        "# fmt: off",
-        "# ruff: noqa: E501",
-        "SQLITE = Statements(",
-    ]
-    for field in fields(compiled):
-        value = getattr(compiled, field.name)
-        if isinstance(value, tuple):
-            lines += [f"    {field.name}=(", *(f"        {item!r}," for item in value), "    ),"]
-        else:
-            lines.append(f"    {field.name}={value!r},")
-    return "\n".join([*lines, ")", ""])
-
-
-if __name__ == "__main__":
-    Path(__file__).with_name("sqlite_statements.py").write_text(sqlite_module(), encoding="utf-8")
