@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from kit.script import parse_options, script_parser, write_results
 from zengrid.core.bounds import MOST_STATES
-from zengrid.core.home import battery_step, meter
+from zengrid.core.home_physics import battery_step, meter
 from zengrid.core.lattice import Lattice
 from zengrid.core.levels import level_commands
 from zengrid.env.facts import market_facts

@@ -16,11 +16,10 @@ from typing import Literal
 
 import numpy as np
 
-from kit.script import parse_options, script_parser, write_results
-from zengrid.core.params import Facilities, Homes, Market
+from zengrid.core.params import Facilities, Homes, MarketParams
 from zengrid.core.settle import settle
 from zengrid.core.state import Action, Exogenous
-from zengrid.journal import Journal, Roster, SlotRecord
+from zengrid.journal import Journal, RosterRecord, SlotRecord
 
 SLOTS_PER_DAY = 96
 PATTERNS = 16
@@ -29,7 +28,7 @@ PATTERNS = 16
 
 def settled_slot(homes: int, rng: np.random.Generator) -> SlotRecord:
     """A settled slot of a market of any size."""
-    market = Market(
+    market = MarketParams(
         Homes.of(np.full(homes, 8.0)), Facilities.of([20.0, 50.0 + 10.0 * homes], [0.03, 0.3]), dt_h=24 / SLOTS_PER_DAY
     )
     day = Exogenous(
@@ -47,7 +46,7 @@ def time_commits(place: Path, homes: int, slots: int, durability: Literal["norma
     rng = np.random.default_rng(0)
     patterns = [settled_slot(homes, rng) for _ in range(PATTERNS)]
     names = tuple(f"h{i}" for i in range(homes))
-    roster = Roster(1, names, tuple({"id": name} for name in names), ())
+    roster = RosterRecord(1, names, tuple({"id": name} for name in names), ())
     times = np.empty(slots)
     with Journal.open(place, durability=durability) as journal:
         run = journal.begin("benchmark", "", seed=0, dt_h=24 / SLOTS_PER_DAY, version="")

@@ -12,8 +12,7 @@ import timeit
 
 import numpy as np
 
-from kit.script import parse_options, script_parser, write_results
-from zengrid.core.params import Facilities, Homes, Market
+from zengrid.core.params import Facilities, Homes, MarketParams
 from zengrid.core.settle import settle
 from zengrid.core.state import Action, Exogenous
 
@@ -36,7 +35,7 @@ def main() -> None:
 def time_a_slot(lead: tuple[int, ...], homes: int, rounds: int) -> float:
     """Median over the rounds. [s]"""
     rng = np.random.default_rng(0)
-    market = Market(Homes.of(rng.uniform(2.0, 20.0, homes)), FACILITIES, dt_h=1.0)
+    market = MarketParams(Homes.of(rng.uniform(2.0, 20.0, homes)), FACILITIES, dt_h=1.0)
     soc, pv_kw, load_kw = (rng.uniform(0.2, 0.8, (*lead, homes)) for _ in range(3))
     exogenous = Exogenous(pv_kw, load_kw, np.full((*lead, 1), 15.0), np.full(lead, 0.095))
     action = Action(np.full(lead, 0.05), rng.uniform(-2.0, 2.0, (*lead, homes)))

@@ -49,7 +49,7 @@ def export(
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     from zengrid.journal import Journal
-    from zengrid.journal.export import export as write
+    from zengrid.journal.table_export import export as write
 
     span = days_of(days)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())

@@ -76,7 +76,7 @@ def export(
     """Write the profiles of some days, and a scenario file that plays them."""
     from rich.console import Console
 
-    from zengrid.scenario.export import export_days
+    from zengrid.scenario.day_export import export_days
 
     loaded, _ = _load(scenario, data, seed)
     try:

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zengrid.core.baselines import conventional
-from zengrid.core.home import battery_step
+from zengrid.core.home_physics import battery_step
 from zengrid.core.settle import settle
 from zengrid.core.state import Action, Exogenous
-from zengrid.journal.record import BaselineSlot
+from zengrid.journal.slot_record import BaselineSlot
 
 if TYPE_CHECKING:
-    from zengrid.core.params import Market
+    from zengrid.core.params import MarketParams
 
 Floats = NDArray[np.float64]
 
@@ -47,7 +47,9 @@ class BaselineAhead:
         """Settle anew: the homes have changed."""
         self._settled = NOTHING
 
-    def slot(self, day: int, slot: int, profiles: Callable[[], Exogenous], soc: Floats, params: Market) -> BaselineSlot:
+    def slot(
+        self, day: int, slot: int, profiles: Callable[[], Exogenous], soc: Floats, params: MarketParams
+    ) -> BaselineSlot:
         """The baseline of one slot.
 
         Parameters
@@ -64,7 +66,7 @@ class BaselineAhead:
             days = within = 0
         return BaselineSlot(*(column[days, within] for column in self._settled))
 
-    def _settle(self, slot: int, profiles: Exogenous, start: Floats, params: Market) -> BaselineSlot:
+    def _settle(self, slot: int, profiles: Exogenous, start: Floats, params: MarketParams) -> BaselineSlot:
         """Settle from this slot on, ``(day, slot, ...)``: many slots cost little more than one."""
         slots = min(self._slots_per_day - slot, max(VALUES // max(params.homes.count, 1), 1))
         days = max(VALUES // profiles.pv_kw[0].size, 1) if slot == 0 else 1
@@ -75,7 +77,7 @@ class BaselineAhead:
         settled = settle(soc, Action(price, command), ahead, params)
         return BaselineSlot(settled.soc, settled.bill, settled.profit, settled.facility_kw)
 
-    def _charge(self, command: Floats, start: Floats, params: Market) -> Floats:
+    def _charge(self, command: Floats, start: Floats, params: MarketParams) -> Floats:
         """State of charge at the start of each slot, ``(day, slot, home)``. [-]"""
         soc = np.empty_like(command)
         start = np.broadcast_to(start, command[:, 0].shape)

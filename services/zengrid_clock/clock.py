@@ -44,8 +44,7 @@ from zengrid_clock.slot_records import PlayedSlot, RosterVersions, public_slot, 
 from zengrid_clock.status import StatusReport, homes_status
 
 if TYPE_CHECKING:
-    from zengrid.journal import Roster as RosterRecord
-    from zengrid.journal import Run, SlotRecord
+    from zengrid.journal import RosterRecord, RunWriter, SlotRecord
     from zengrid.scenario import Days, Scenario
     from zengrid.wire.slots import SettledSlot
     from zengrid_clock.retention import Retention
@@ -91,7 +90,7 @@ class BatteryPhase(NamedTuple):
 class Clock:
     """Runs the market over a hub and a journal until its last day, a stop request, or a signal."""
 
-    def __init__(self, scenario: Scenario, days: Days, hub: ClockLink, run: Run, settings: ClockSettings) -> None:
+    def __init__(self, scenario: Scenario, days: Days, hub: Hub, run: RunWriter, settings: ClockSettings) -> None:
         self.scenario = scenario
         self.settings = settings
         self.run = run

@@ -10,8 +10,7 @@ from zengrid import logs
 from zengrid.errors import JournalError, JournalUnavailableError
 
 if TYPE_CHECKING:
-    from zengrid.journal import Roster as RosterRecord
-    from zengrid.journal import Run, RunTotals, SlotRecord
+    from zengrid.journal import RosterRecord, RunTotals, RunWriter, SlotRecord
 
 RETRY_S = 0.5
 """Pause before a journal that could not take a slot is tried again."""
@@ -30,7 +29,7 @@ class JournalWriter:
         Whether the market was asked to end: then there is no wait.
     """
 
-    def __init__(self, run: Run, wait_s: float, is_ended: Callable[[], bool]) -> None:
+    def __init__(self, run: RunWriter, wait_s: float, is_ended: Callable[[], bool]) -> None:
         self._run = run
         self._wait_s = wait_s
         self._is_ended = is_ended

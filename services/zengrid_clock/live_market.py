@@ -18,7 +18,7 @@ from zengrid_clock.profiles_ahead import ProfilesAhead
 
 if TYPE_CHECKING:
     from zengrid.journal import SlotRecord
-    from zengrid.journal.record import BaselineSlot
+    from zengrid.journal.slot_record import BaselineSlot
     from zengrid.scenario import Days, HomeSpec, Scenario
 
 Floats = NDArray[np.float64]

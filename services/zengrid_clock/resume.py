@@ -9,14 +9,13 @@ from zengrid.scenario import HomeSpec, dumps
 from zengrid_clock.agent_registry import AgentRegistry, MarketAgent
 
 if TYPE_CHECKING:
-    from zengrid.journal import Roster as RosterRecord
-    from zengrid.journal import Run
+    from zengrid.journal import RosterRecord, RunWriter
     from zengrid.scenario import Scenario
     from zengrid_clock.live_market import LiveMarket
     from zengrid_clock.run_state import RunState
 
 
-def restore(run: Run, scenario: Scenario, state: RunState, registry: AgentRegistry, market: LiveMarket) -> int:
+def restore(run: RunWriter, scenario: Scenario, state: RunState, registry: AgentRegistry, market: LiveMarket) -> int:
     """Bring a new clock to the state that its journal ends with.
 
     The agents of the old clock reconnect by themselves. The journal knows which process plays which agent, so they

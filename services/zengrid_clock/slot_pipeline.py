@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 from zengrid_clock.slot_records import PlayedSlot, slot_record
 
 if TYPE_CHECKING:
-    from zengrid.journal import Roster as RosterRecord
-    from zengrid.journal import SlotRecord
+    from zengrid.journal import RosterRecord, SlotRecord
     from zengrid_clock.journal_writer import JournalWriter
     from zengrid_clock.latencies import Latencies
     from zengrid_clock.run_state import RunState

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zengrid.core.state import Exogenous, Settlement
-from zengrid.journal import Roster as RosterRecord
-from zengrid.journal import SlotRecord
-from zengrid.journal.record import BaselineSlot
+from zengrid.journal import RosterRecord, SlotRecord
+from zengrid.journal.slot_record import BaselineSlot
 from zengrid.wire.slots import HomeColumns, SettledSlot
 from zengrid_clock.agent_registry import GRID
 

@@ -7,7 +7,7 @@ import pytest
 
 from zengrid.core.baselines import conventional
 from zengrid.core.observe import observe_grid, observe_prosumers, time_features
-from zengrid.core.params import Market
+from zengrid.core.params import MarketParams
 from zengrid.core.settle import settle
 from zengrid.core.state import Action, Exogenous, Settlement
 from zengrid.env.vector import VectorMarket, beside, pick, slots_first
@@ -94,6 +94,6 @@ def test_stored_energy_and_the_last_outcome_go_on_into_the_next_day() -> None:
 def test_only_homes_may_differ_side_by_side() -> None:
     market = load("paper").market()
     with pytest.raises(ValueError, match="homes alone"):
-        beside([market, Market(market.homes, market.facilities, 0.25)])
+        beside([market, MarketParams(market.homes, market.facilities, 0.25)])
     with pytest.raises(ValueError, match="equally many"):
         beside([market, market.with_homes(market.homes.take([0, 1]))])

@@ -10,18 +10,18 @@ from support.random_slots import Slot, seeded
 from zengrid.core.baselines import conventional
 from zengrid.core.settle import settle
 from zengrid.core.state import Action
-from zengrid.journal import Journal, Roster, Run, SlotRecord
-from zengrid.journal.columns import COLUMNS, COUNTS, FIGURES
+from zengrid.journal import Journal, RosterRecord, RunWriter, SlotRecord
+from zengrid.journal.slot_columns import COLUMNS, COUNTS, FIGURES
 
 DT_H = 0.25
 SLOTS_PER_DAY = 96
 
 
-def roster(homes: int, version: int = 1, first: int = 0) -> Roster:
+def roster(homes: int, version: int = 1, first: int = 0) -> RosterRecord:
     """Homes named by number, each its own agent."""
     names = tuple(f"h{i}" for i in range(first, first + homes))
     specs = tuple({"id": name, "battery": {"capacity_kwh": 6.0}} for name in names)
-    return Roster(version, names, specs, (("grid", (), None), *((name, (name,), "a1b2") for name in names)))
+    return RosterRecord(version, names, specs, (("grid", (), None), *((name, (name,), "a1b2") for name in names)))
 
 
 def record(homes: int, position: int = 0, version: int = 1, seed: int = 0) -> SlotRecord:
@@ -51,12 +51,12 @@ def records(homes: int, count: int, since: int = 0, version: int = 1, seed: int 
     return (record(homes, position, version, seed) for position in range(since, since + count))
 
 
-def begin(journal: Journal, name: str = "market-1") -> Run:
+def begin(journal: Journal, name: str = "market-1") -> RunWriter:
     """A new run with slots of 15 minutes."""
     return journal.begin(name, "name: paper\n", seed=7, dt_h=DT_H, version="0.1.0")
 
 
-def fill(run: Run, homes: int, count: int) -> list[SlotRecord]:
+def fill(run: RunWriter, homes: int, count: int) -> list[SlotRecord]:
     """Commit the first slots of a run, and return them."""
     written = list(records(homes, count))
     for made in written:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zengrid.core.params import Market
+from zengrid.core.params import MarketParams
 from zengrid.core.settle import settle
 from zengrid.core.state import Action, Exogenous, Settlement
 from zengrid.policy.facts import MarketFacts
@@ -52,7 +52,7 @@ class Played(NamedTuple):
 
 def play(
     policy: ProsumerPolicy,
-    market: Market,
+    market: MarketParams,
     profile: Exogenous,
     buy_price: Floats,
     day: DayNumber = 0,

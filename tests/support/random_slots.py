@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from zengrid.core.params import Facilities, Homes, Market
+from zengrid.core.params import Facilities, Homes, MarketParams
 from zengrid.core.state import Action, Exogenous
 
 Floats = NDArray[np.float64]
@@ -21,7 +21,7 @@ class Slot(NamedTuple):
     soc: Floats
     action: Action
     exogenous: Exogenous
-    market: Market
+    market: MarketParams
 
 
 def units(rows: int, columns: int) -> st.SearchStrategy[Floats]:
@@ -73,7 +73,7 @@ def slots(draw: st.DrawFn) -> Slot:
             consumer_kw=draw(units(draw(st.integers(0, 3)), 1))[:, 0] * 40.0,
             sell_price=prices[1, 0],
         ),
-        market=Market(owned, draw(facilities()), dt_h=draw(st.sampled_from([1 / 12, 0.25, 0.5, 1.0, 2.0]))),
+        market=MarketParams(owned, draw(facilities()), dt_h=draw(st.sampled_from([1 / 12, 0.25, 0.5, 1.0, 2.0]))),
     )
 
 
@@ -104,5 +104,5 @@ def seeded(rng: np.random.Generator, count: int, lead: tuple[int, ...] = (), con
             consumer_kw=rng.uniform(0.0, 2.0 * count, (*lead, consumers)),
             sell_price=rng.uniform(0.05, 0.1, lead),
         ),
-        market=Market(homes_, plant, dt_h=0.25),
+        market=MarketParams(homes_, plant, dt_h=0.25),
     )

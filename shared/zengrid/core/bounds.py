@@ -7,10 +7,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zengrid.core.home import battery_step, meter
+from zengrid.core.home_physics import battery_step, meter
 from zengrid.core.lattice import HOLD_PRICE, CostToGo, Lattice
 from zengrid.core.levels import level_commands
-from zengrid.core.params import Market
+from zengrid.core.params import MarketParams
 
 Floats = NDArray[np.float64]
 Terminal = Literal["free", "cyclic"]
@@ -39,7 +39,7 @@ class BestResponse(NamedTuple):
 
 
 def best_response(
-    market: Market,
+    market: MarketParams,
     pv_kw: Floats,
     load_kw: Floats,
     buy_price: Floats,
@@ -104,7 +104,7 @@ def best_response(
 
 
 def replay(
-    market: Market,
+    market: MarketParams,
     pv_kw: Floats,
     load_kw: Floats,
     buy_price: Floats,
@@ -125,7 +125,7 @@ def replay(
 
 
 def best_response_milp(
-    market: Market,
+    market: MarketParams,
     pv_kw: Floats,
     load_kw: Floats,
     buy_price: Floats,
@@ -158,7 +158,7 @@ def best_response_milp(
 
 
 def _milp(
-    market: Market, home: int, net_kw: Floats, buy: Floats, sell: Floats, soc: float, terminal: Terminal
+    market: MarketParams, home: int, net_kw: Floats, buy: Floats, sell: Floats, soc: float, terminal: Terminal
 ) -> Floats:
     """Commands of one home and day, ``(slot,)``. [kW]
 
@@ -239,7 +239,7 @@ def _milp(
 
 
 def optimality_gap(
-    market: Market,
+    market: MarketParams,
     pv_kw: Floats,
     load_kw: Floats,
     buy_price: Floats,

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from zengrid.core.params import Market
+from zengrid.core.params import MarketParams
 
 Floats = NDArray[np.float64]
 
 
-def dispatch(net_kw: Floats, market: Market) -> tuple[Floats, Floats, Floats]:
+def dispatch(net_kw: Floats, market: MarketParams) -> tuple[Floats, Floats, Floats]:
     """Cover the net demand by the facilities in their order, each up to its maximum.
 
     The first facility never runs below its minimum: what it then produces too much is curtailed. What all together
@@ -38,6 +38,6 @@ def spread(value: Floats) -> Floats:
     return value[..., None] if value.ndim else value
 
 
-def facility_cost(facility_kw: Floats, market: Market) -> Floats:
+def facility_cost(facility_kw: Floats, market: MarketParams) -> Floats:
     """Cost of each facility over the slot, ``F_i = (a_i P^2 + b_i P + c_i) dt``, ``(..., facility)``. [$]"""
     return (facility_kw * market.slot_cost_a + market.slot_cost_b) * facility_kw + market.slot_cost_c

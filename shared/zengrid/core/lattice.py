@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zengrid.core.home import battery_step, meter
-from zengrid.core.params import Market
+from zengrid.core.home_physics import battery_step, meter
+from zengrid.core.params import MarketParams
 
 Floats = NDArray[np.float64]
 
@@ -46,14 +46,14 @@ class Lattice:
         self._line = (self.soc + 2.0 * self._column).T.ravel()
 
     @classmethod
-    def even(cls, market: Market, states: int) -> Lattice:
+    def even(cls, market: MarketParams, states: int) -> Lattice:
         """Evenly spread states from the lowest to the highest permitted state of charge of each home."""
         homes = market.homes
         share = np.linspace(0.0, 1.0, states)[:, None]
         return cls(homes.soc_min * (1.0 - share) + homes.soc_max * share)
 
     @classmethod
-    def closed(cls, market: Market, commands_kw: Floats, soc: Floats, most: int) -> Lattice | None:
+    def closed(cls, market: MarketParams, commands_kw: Floats, soc: Floats, most: int) -> Lattice | None:
         """All states that any sequence of the given commands can reach, or None where they are more than ``most``.
 
         Lossless batteries with evenly spread levels reach few: three combs, which start from the given state and from
@@ -131,7 +131,7 @@ class CostToGo:
 
     def __init__(
         self,
-        market: Market,
+        market: MarketParams,
         lattice: Lattice,
         commands_kw: Floats,
         any_power: bool,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from zengrid.core.baselines import conventional
 from zengrid.core.bounds import best_response
 from zengrid.core.dispatch import dispatch, facility_cost
-from zengrid.core.params import Market
+from zengrid.core.params import MarketParams
 from zengrid.core.settle import settle, total
 from zengrid.core.state import Action, Exogenous, Settlement
 
@@ -42,7 +42,7 @@ class LeaderReference(NamedTuple):
 
 
 def settle_day(
-    market: Market, day: Exogenous, buy_price: Floats, command_kw: Floats | None, soc: Floats | None = None
+    market: MarketParams, day: Exogenous, buy_price: Floats, command_kw: Floats | None, soc: Floats | None = None
 ) -> Settlement:
     """Settle slot after slot; every field of the result has a leading axis ``(slot,)``.
 
@@ -68,7 +68,7 @@ def settle_day(
 
 
 def respond(
-    market: Market,
+    market: MarketParams,
     day: Exogenous,
     buy_price: Floats,
     ties: Ties = "emptiest",
@@ -111,7 +111,7 @@ def respond(
 
 
 def leader_reference(
-    market: Market,
+    market: MarketParams,
     day: Exogenous,
     levels: Floats,
     rng: np.random.Generator,
@@ -205,6 +205,6 @@ def _random_schedules(slots: int, levels: Floats, rng: np.random.Generator, coun
     return schedules
 
 
-def _cost(market: Market, net_kw: Floats) -> Floats:
+def _cost(market: MarketParams, net_kw: Floats) -> Floats:
     """What the facilities cost over a slot at a net demand, ``(...)``. [$]"""
     return total(facility_cost(dispatch(net_kw, market)[0], market))

@@ -132,7 +132,7 @@ class Facilities:
         return int(self.p_max_kw.shape[0])
 
 
-class Market:
+class MarketParams:
     """Everything ``settle`` needs besides state, action and profiles, with what can be computed once kept ready.
 
     Parameters
@@ -186,11 +186,11 @@ class Market:
         self.slot_cost_b = facilities.cost_b * self.dt_h
         self.slot_cost_c = facilities.cost_c * self.dt_h
 
-    def with_homes(self, homes: Homes) -> Market:
+    def with_homes(self, homes: Homes) -> MarketParams:
         """The same market with another set of homes (someone joined or left)."""
-        return Market(homes, self.facilities, self.dt_h, self.value_of_lost_load)
+        return MarketParams(homes, self.facilities, self.dt_h, self.value_of_lost_load)
 
-    def with_capacity(self, capacity_kwh: ArrayLike) -> Market:
+    def with_capacity(self, capacity_kwh: ArrayLike) -> MarketParams:
         """The same market with every battery resized, keeping the initial state of charge."""
         size = np.broadcast_to(np.asarray(capacity_kwh, dtype=np.float64), self.homes.capacity_kwh.shape).copy()
         return self.with_homes(replace(self.homes, capacity_kwh=size))

@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zengrid.core.dispatch import dispatch, facility_cost, spread
-from zengrid.core.home import battery_follow, battery_range, meter
-from zengrid.core.params import Market
+from zengrid.core.home_physics import battery_follow, battery_range, meter
+from zengrid.core.params import MarketParams
 from zengrid.core.state import Action, Exogenous, Settlement
 
 Floats = NDArray[np.float64]
 
 
-def settle(soc: Floats, action: Action, exogenous: Exogenous, market: Market) -> Settlement:
+def settle(soc: Floats, action: Action, exogenous: Exogenous, market: MarketParams) -> Settlement:
     """Settle one slot (paper eq. 1-13, with the sign of eq. 12 mended: importing costs money).
 
     Leading axes are free: none for the live market, ``(day,)`` for training. Every market along them is settled as if
@@ -55,7 +55,7 @@ class Prepared(NamedTuple):
     """(...) money for one kW over the whole slot [$/kW]"""
 
 
-def prepare(soc: Floats, exogenous: Exogenous, market: Market) -> Prepared:
+def prepare(soc: Floats, exogenous: Exogenous, market: MarketParams) -> Prepared:
     """The first part of ``settle``: a live market does it while it waits for its agents."""
     return Prepared(
         soc,
@@ -66,7 +66,7 @@ def prepare(soc: Floats, exogenous: Exogenous, market: Market) -> Prepared:
     )
 
 
-def conclude(prepared: Prepared, action: Action, market: Market) -> Settlement:
+def conclude(prepared: Prepared, action: Action, market: MarketParams) -> Settlement:
     """The second part of ``settle``."""
     soc, permitted_kw, surplus_kw, consumer_kw, sold = prepared
     dt_h = market.dt_h

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from zengrid.core.observe import ObservationKind, observe_grid, observe_prosumers, time_features
-from zengrid.core.params import HOME_FIELDS, Homes, Market
+from zengrid.core.params import HOME_FIELDS, Homes, MarketParams
 from zengrid.core.settle import settle, total
 from zengrid.core.state import Action, Exogenous, Settlement
 from zengrid.policy.views import DayNumber, GridView, ProsumerView
@@ -33,7 +33,7 @@ class VectorMarket:
         Levels of the buy price, ``(level,)``. [$/kWh]
     """
 
-    def __init__(self, market: Market, lead: tuple[int, ...] = (), buy_prices: ArrayLike = ()) -> None:
+    def __init__(self, market: MarketParams, lead: tuple[int, ...] = (), buy_prices: ArrayLike = ()) -> None:
         self.market = market
         self.lead = lead
         self.buy_prices = np.asarray(buy_prices, dtype=np.float64)
@@ -146,7 +146,7 @@ def homes_index(homes: slice, count: int) -> NDArray[np.intp]:
     return np.arange(count)[homes]
 
 
-def beside(markets: Sequence[Market]) -> Market:
+def beside(markets: Sequence[MarketParams]) -> MarketParams:
     """Variants of a market as one, for leading axes ``(variant, day)``: arrays of its homes are ``(variant, 1, home)``.
 
     The variants differ in their homes alone, and have the same number of them.

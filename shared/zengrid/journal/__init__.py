@@ -2,10 +2,10 @@
 
 from zengrid.journal.block import Block
 from zengrid.journal.journal import Journal
-from zengrid.journal.record import SlotRecord
-from zengrid.journal.roster import Roster
-from zengrid.journal.run import Run
+from zengrid.journal.roster_record import RosterRecord
+from zengrid.journal.run_view import RunInfo, RunView
+from zengrid.journal.run_writer import RunWriter
+from zengrid.journal.slot_record import SlotRecord
 from zengrid.journal.totals import RunTotals
-from zengrid.journal.view import RunInfo, RunView
 
-__all__ = ["Block", "Journal", "Roster", "Run", "RunInfo", "RunTotals", "RunView", "SlotRecord"]
+__all__ = ["Block", "Journal", "RosterRecord", "RunInfo", "RunTotals", "RunView", "RunWriter", "SlotRecord"]

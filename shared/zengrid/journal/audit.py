@@ -9,9 +9,9 @@ import numpy as np
 from zengrid.core.balances import balances
 from zengrid.errors import JournalError
 from zengrid.journal.block import Block
-from zengrid.journal.columns import COUNTS
-from zengrid.journal.roster import Roster
-from zengrid.journal.view import RunView
+from zengrid.journal.roster_record import RosterRecord
+from zengrid.journal.run_view import RunView
+from zengrid.journal.slot_columns import COUNTS
 
 FINDINGS_MAX = 100
 """Findings after which the audit stops."""
@@ -69,7 +69,7 @@ def _sequence(block: Block, before: tuple[int, int, int] | None, slots_per_day: 
     ]
 
 
-def _rosters(block: Block, rosters: list[tuple[int, Roster]]) -> list[str]:
+def _rosters(block: Block, rosters: list[tuple[int, RosterRecord]]) -> list[str]:
     """Each slot stands under the roster in force."""
     starts = np.array([start for start, _ in rosters])
     versions = np.array([roster.version for _, roster in rosters])

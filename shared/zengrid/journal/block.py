@@ -7,14 +7,14 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from zengrid.journal.roster import Roster
+from zengrid.journal.roster_record import RosterRecord
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Block:
     """Consecutive slots under one roster: figures ``(slot,)``, arrays ``(slot, facility)`` and ``(slot, home)``."""
 
-    roster: Roster
+    roster: RosterRecord
     columns: dict[str, NDArray[Any]]
 
     def __getitem__(self, column: str) -> NDArray[Any]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from zengrid.journal.columns import COLUMNS
 from zengrid.journal.database import Connection, Database
+from zengrid.journal.slot_columns import COLUMNS
 from zengrid.journal.sql_tables import ROSTER, RUN, SLOT
 
 ROWS = 200

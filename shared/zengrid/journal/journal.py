@@ -12,9 +12,9 @@ from typing import Self, TypeVar
 from zengrid.errors import JournalError, JournalUnavailableError
 from zengrid.journal.database import Connection, Database, Durability, Row, Step, transact
 from zengrid.journal.location import open_database
-from zengrid.journal.run import Run
+from zengrid.journal.run_view import RunInfo, RunView
+from zengrid.journal.run_writer import RunWriter
 from zengrid.journal.statements import SCHEMA_VERSION, Statements
-from zengrid.journal.view import RunInfo, RunView
 
 T = TypeVar("T")
 
@@ -26,7 +26,7 @@ class Journal:
         self._database = database
         self._reader: Connection | None = None
         self._reading = threading.Lock()
-        self._writing: list[Run] = []
+        self._writing: list[RunWriter] = []
 
     @classmethod
     def open(cls, place: str | Path, *, durability: Durability = "normal", read_only: bool = False) -> Self:
@@ -54,7 +54,7 @@ class Journal:
         """Where it is, for messages."""
         return self._database.name
 
-    def begin(self, name: str, scenario: str, *, seed: int, dt_h: float, version: str) -> Run:
+    def begin(self, name: str, scenario: str, *, seed: int, dt_h: float, version: str) -> RunWriter:
         """Start a new run.
 
         Parameters
@@ -83,7 +83,7 @@ class Journal:
             raise JournalError(f"journal {self.name}: run {name!r} cannot begin: {error}") from error
         return self._write(self._info(name))
 
-    def resume(self, which: str | int | None = None) -> Run:
+    def resume(self, which: str | int | None = None) -> RunWriter:
         """Go on with an unfinished run, given by name or id; by default with the latest."""
         info = self._info(which, unfinished=True)
         if info.finished_at is not None:
@@ -204,9 +204,9 @@ class Journal:
         if reader is not None:
             reader.close()
 
-    def _write(self, info: RunInfo) -> Run:
+    def _write(self, info: RunInfo) -> RunWriter:
         try:
-            run = Run(self.query, self._database, info)
+            run = RunWriter(self.query, self._database, info)
         except self._database.errors as error:
             raise JournalError(f"journal {self.name}: run {info.name!r} cannot be written: {error}") from error
         self._writing.append(run)

@@ -10,7 +10,7 @@ from pathlib import Path
 from zengrid.errors import JournalError
 from zengrid.journal.audit import audit
 from zengrid.journal.journal import Journal
-from zengrid.journal.view import RunView
+from zengrid.journal.run_view import RunView
 
 CHUNK_VALUES = 100_000
 """Slots deleted in one transaction: so many values of each array of homes. The market waits for no more than that."""

@@ -7,8 +7,8 @@ from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 from zengrid.errors import JournalError, JournalUnavailableError
-from zengrid.journal.columns import HOME_ARRAYS
 from zengrid.journal.database import Connection, Durability, Step, transact
+from zengrid.journal.slot_columns import HOME_ARRAYS
 
 CONNECT_TIMEOUT_S = 10
 KEEPALIVE = {"keepalives_idle": 10, "keepalives_interval": 5, "keepalives_count": 3}

@@ -33,7 +33,7 @@ from sqlalchemy import text as text_
 from sqlalchemy.schema import CreateTable
 from sqlalchemy.sql.expression import ClauseElement
 
-from zengrid.journal.columns import COLUMNS, COUNTS, FACILITY_ARRAYS, FIGURES, FLOAT, HOME_ARRAYS, MARKET_COLUMNS
+from zengrid.journal.slot_columns import COLUMNS, COUNTS, FACILITY_ARRAYS, FIGURES, FLOAT, HOME_ARRAYS, MARKET_COLUMNS
 from zengrid.journal.statements import SCHEMA_VERSION, Statements
 
 METADATA = MetaData()

@@ -10,9 +10,9 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from zengrid.errors import JournalError
-from zengrid.journal.columns import COUNTS, FIGURES
 from zengrid.journal.database import Connection, Durability, Step, transact
-from zengrid.journal.lock import FileLock
+from zengrid.journal.file_lock import FileLock
+from zengrid.journal.slot_columns import COUNTS, FIGURES
 from zengrid.journal.sqlite_statements import SQLITE
 
 BUSY_S = 5.0

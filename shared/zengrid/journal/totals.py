@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from zengrid.errors import JournalError
 from zengrid.journal.block import Block
-from zengrid.journal.columns import FLOAT
-from zengrid.journal.record import SlotRecord
+from zengrid.journal.slot_columns import FLOAT
+from zengrid.journal.slot_record import SlotRecord
 
 Floats = NDArray[np.float64]
 

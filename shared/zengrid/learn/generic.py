@@ -24,7 +24,7 @@ from zengrid.policy.file import Layer, PolicyFile
 from zengrid.policy.network import GridNetwork
 from zengrid.policy.relative import Relative, relative_features
 from zengrid.scenario import Days, Scenario
-from zengrid.scenario.home import HomeSpec
+from zengrid.scenario.home_spec import HomeSpec
 
 Floats = NDArray[np.float64]
 KIND: ObservationKind = "public"

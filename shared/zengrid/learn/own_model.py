@@ -18,7 +18,7 @@ SOC, BUY_PRICE = 0, 3
 
 
 class OwnModel:
-    """Battery and meter of the home behind each network, by the formulas of ``zengrid.core.home``, in float32.
+    """Battery and meter of the home behind each network, by the formulas of ``zengrid.core.home_physics``, in float32.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from zengrid.core.dispatch import dispatch, facility_cost
 from zengrid.core.observe import ObservationKind, grid_features, prosumer_features
-from zengrid.core.params import Market
+from zengrid.core.params import MarketParams
 from zengrid.core.settle import total
 from zengrid.core.state import Exogenous
 
@@ -44,7 +44,7 @@ class Scales(NamedTuple):
     prosumer_reward: float
 
 
-def scales(kind: ObservationKind, market: Market, days: Exogenous, buy_prices: Floats) -> Scales:
+def scales(kind: ObservationKind, market: MarketParams, days: Exogenous, buy_prices: Floats) -> Scales:
     """Read from a market and its days ``(slot, day, ...)`` what numbers there will be.
 
     A reward of one is what a home pays for a slot at full battery power, and what the grid takes from its consumers in

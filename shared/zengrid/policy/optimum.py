@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from zengrid.core.bounds import MOVES, STATES
 from zengrid.core.lattice import CostToGo, Lattice
 from zengrid.core.levels import level_commands
-from zengrid.core.params import Facilities, Market
+from zengrid.core.params import Facilities, MarketParams
 from zengrid.errors import PolicyError, ScenarioError
 from zengrid.policy.facts import Foresight, MarketFacts
 from zengrid.policy.prices import price_schedule, price_steps
@@ -49,7 +49,7 @@ class Optimum:
     def __init__(self, facts: MarketFacts, foresight: Foresight, schedule: Floats | None = None) -> None:
         self._ids = facts.home_ids
         # Facilities play no part in what a home pays.
-        self._market = Market(facts.homes, Facilities.of(0.0, 0.0), facts.dt_h)
+        self._market = MarketParams(facts.homes, Facilities.of(0.0, 0.0), facts.dt_h)
         self._lattice = Lattice.even(self._market, STATES)
         self._commands_kw = level_commands(MOVES, facts.homes)
         self._days = 1 if facts.soc_reset == "daily" else 2

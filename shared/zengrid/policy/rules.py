@@ -10,7 +10,7 @@ from zengrid.core.levels import level_fractions, to_commands
 from zengrid.policy.facts import MarketFacts
 from zengrid.policy.prices import price_level, price_schedule
 from zengrid.policy.views import DayNumber, GridView, ProsumerView
-from zengrid.scenario.randomness import Keys, fork, keys_of, uniform
+from zengrid.scenario.randomness import RandomKeys, fork, keys_of, uniform
 
 Floats = NDArray[np.float64]
 
@@ -98,6 +98,6 @@ class RandomPrice:
         return price
 
 
-def _draw(keys: Keys, day: DayNumber, slot: int, levels: int) -> NDArray[np.intp]:
+def _draw(keys: RandomKeys, day: DayNumber, slot: int, levels: int) -> NDArray[np.intp]:
     """Position of a level for each key, ``(..., key)``."""
     return (uniform(fork(fork(keys, np.asarray(day)[..., None]), slot)) * levels).astype(np.intp)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from zengrid.scenario.home import BatterySpec, HomeSpec, LoadSpec, homes_params
+from zengrid.scenario.home_spec import BatterySpec, HomeSpec, LoadSpec, homes_params
 
 if TYPE_CHECKING:
     from zengrid.scenario.days import Days

@@ -12,16 +12,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from zengrid.core.state import Exogenous
 from zengrid.errors import ScenarioError
-from zengrid.scenario.home import HomeSpec
+from zengrid.scenario.home_spec import HomeSpec
 from zengrid.scenario.noise import load_factor, sun_share
 from zengrid.scenario.profiles import DEFAULT_PV, Profiles, resample
-from zengrid.scenario.randomness import Keys, keys_of
+from zengrid.scenario.randomness import RandomKeys, keys_of
 from zengrid.scenario.scenario import Scenario
 from zengrid.scenario.site import clear_sky, pv_output
 from zengrid.scenario.source import CsvData, read_profiles
 
 Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
+DayNumbers = NDArray[np.int64]
 
 _KEPT_DAYS = 8
 _KEPT_HOMES = 64
@@ -36,7 +36,7 @@ class _Column(NamedTuple):
     choice: NDArray[np.intp]  # (home,)
     factor: Floats  # (home,)
 
-    def of(self, days: Indices) -> Floats:
+    def of(self, days: DayNumbers) -> Floats:
         """``(day, slot, home)``. [kW]"""
         values = np.take(self.series[days], self.choice, axis=2)
         values *= self.factor
@@ -46,7 +46,7 @@ class _Column(NamedTuple):
 class _Members(NamedTuple):
     pv: _Column
     load: _Column
-    keys: Keys
+    keys: RandomKeys
 
 
 class Days:
@@ -154,13 +154,13 @@ class Days:
         pv_kw, load_kw = self.homes_day([home], number)
         return pv_kw[:, 0], load_kw[:, 0]
 
-    def training(self, count: int) -> Indices:
+    def training(self, count: int) -> DayNumbers:
         """Numbers of ``count`` days for training, increasing."""
         if self._measured:
             return self._spread(count, evaluation=False)
         return np.arange(count, dtype=np.int64) + self.scenario.split.evaluation_days
 
-    def evaluation(self, count: int) -> Indices:
+    def evaluation(self, count: int) -> DayNumbers:
         """Numbers of ``count`` days that training never sees, increasing."""
         if self._measured:
             return self._spread(count, evaluation=True)
@@ -184,7 +184,7 @@ class Days:
         day = self._profiles.calendar[number % self._profiles.count]
         return day.month, day.day
 
-    def _spread(self, count: int, *, evaluation: bool) -> Indices:
+    def _spread(self, count: int, *, evaluation: bool) -> DayNumbers:
         """Evenly over the measured days of one kind; where there are fewer than wanted, round after round."""
         split, calendar = self.scenario.split, self._profiles.calendar
         if split.evaluation_months is not None:
@@ -203,13 +203,13 @@ class Days:
         laps, places = np.divmod(np.arange(count), len(there))
         return np.asarray(laps * len(calendar) + there[places], dtype=np.int64)
 
-    def _numbers(self, numbers: ArrayLike) -> Indices:
+    def _numbers(self, numbers: ArrayLike) -> DayNumbers:
         wanted = np.atleast_1d(np.asarray(numbers, dtype=np.int64))
         if wanted.ndim != 1 or (wanted < 0).any():
             raise ScenarioError(f"days {numbers!r}: permitted: a list of numbers from 0 up")
         return wanted
 
-    def _generate(self, members: _Members, wanted: Indices, sun: Floats) -> tuple[Floats, Floats]:
+    def _generate(self, members: _Members, wanted: DayNumbers, sun: Floats) -> tuple[Floats, Floats]:
         """PV and load, ``(day, slot, home)``, made of elementwise operations alone so that no batch changes a bit."""
         shape = (len(wanted), self._slots, len(members.keys))
         portion = max(1, _PORTION // max(1, shape[1] * shape[2]))
@@ -223,7 +223,7 @@ class Days:
             load_kw[part] = load if factor is None else np.multiply(load, factor, out=factor)
         return pv_kw, load_kw
 
-    def _keys(self, purpose: str, names: Sequence[str], seeds: Sequence[int] | int = 0) -> Keys:
+    def _keys(self, purpose: str, names: Sequence[str], seeds: Sequence[int] | int = 0) -> RandomKeys:
         branch = keys_of([purpose], self.scenario.seed)
         return keys_of(names, seeds) ^ branch
 

@@ -8,13 +8,14 @@ from typing import Any
 
 from pydantic import ValidationError
 
-Schema = Mapping[str, Any]
+FieldPath = tuple[str | int, ...]
+JsonSchema = Mapping[str, Any]
 
 _SHOWN = 10
 
 
 def explain(
-    error: ValidationError, given: object, schema: Schema, line_of: Callable[[Place], int | None] | None = None
+    error: ValidationError, given: object, schema: JsonSchema, line_of: Callable[[FieldPath], int | None] | None = None
 ) -> str:
     """Describe each wrong field in one line.
 
@@ -29,7 +30,7 @@ def explain(
     line_of:
         Returns the line of the file that holds a field; None if there is no file.
     """
-    lines: dict[Place, str] = {}
+    lines: dict[FieldPath, str] = {}
     for finding in error.errors(include_url=False):
         place = _place(finding["loc"], given, missing=finding["type"] == "missing")
         text, at = _describe(finding, place, schema, given)
@@ -57,7 +58,7 @@ def _place(loc: Sequence[str | int], given: object, *, missing: bool) -> FieldPa
     return tuple(place)
 
 
-def _describe(finding: Any, place: FieldPath, schema: Schema, given: object) -> tuple[str, FieldPath]:
+def _describe(finding: Any, place: FieldPath, schema: JsonSchema, given: object) -> tuple[str, FieldPath]:
     """The line about one finding, and the field it is about."""
     kind, path = finding["type"], field_name(place)
     if kind == "value_error":
@@ -97,7 +98,7 @@ def _member(value: object, step: str | int) -> object:
     return None
 
 
-def _at(place: FieldPath, schema: Schema, given: object) -> Schema:
+def _at(place: FieldPath, schema: JsonSchema, given: object) -> JsonSchema:
     """The part of the schema that describes a field."""
     node = _resolve(schema, schema, given)
     for step in place:
@@ -107,7 +108,7 @@ def _at(place: FieldPath, schema: Schema, given: object) -> Schema:
     return node
 
 
-def _resolve(node: Schema, schema: Schema, given: object) -> Schema:
+def _resolve(node: JsonSchema, schema: JsonSchema, given: object) -> JsonSchema:
     """Follow references, and choose the member of a union that the given value is meant to be."""
     if "$ref" in node:
         return _resolve(schema["$defs"][node["$ref"].rsplit("/", 1)[-1]], schema, given)
@@ -122,17 +123,17 @@ def _resolve(node: Schema, schema: Schema, given: object) -> Schema:
     return node
 
 
-def _fields(node: Schema) -> list[str]:
+def _fields(node: JsonSchema) -> list[str]:
     return list(node.get("properties", {}))
 
 
-def _permitted(place: FieldPath, schema: Schema, given: object) -> str:
+def _permitted(place: FieldPath, schema: JsonSchema, given: object) -> str:
     node = _at(place, schema, given)
     text = _words(node, schema)
     return f"{text}, or null" if node.get("or_null") else text
 
 
-def _words(node: Schema, schema: Schema) -> str:
+def _words(node: JsonSchema, schema: JsonSchema) -> str:
     """What a schema permits, in words."""
     if "discriminator" in node:
         return f"kind {', '.join(node['discriminator']['mapping'])}"
@@ -165,7 +166,7 @@ _EXAMPLES = {
 }
 
 
-def _range(node: Schema) -> str:
+def _range(node: JsonSchema) -> str:
     low, high = node.get("minimum"), node.get("maximum")
     above, below = node.get("exclusiveMinimum"), node.get("exclusiveMaximum")
     start = f" from {low:g}" if low is not None else f" above {above:g}" if above is not None else ""

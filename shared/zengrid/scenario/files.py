@@ -11,7 +11,7 @@ import yaml
 from pydantic import ValidationError
 
 from zengrid.errors import ScenarioError
-from zengrid.scenario.explain import Place, explain
+from zengrid.scenario.explain import FieldPath, explain
 from zengrid.scenario.scenario import Scenario
 from zengrid.scenario.source import BuiltinData, content_hash
 

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from zengrid.scenario.home import Spec
-from zengrid.scenario.randomness import Keys, bell, fork, uniform
+from zengrid.scenario.home_spec import Spec
+from zengrid.scenario.randomness import RandomKeys, bell, fork, uniform
 
 Floats = NDArray[np.float64]
-Days = NDArray[np.int64]
+DayNumbers = NDArray[np.int64]
 
 _HOURS = 24
 _DARKEST = 0.9
@@ -26,7 +26,7 @@ class Noise(Spec):
     load_noise: float = Field(default=0.0, ge=0.0, le=1.0, description="Standard deviation of a home's slot [-].")
 
 
-def sun_share(noise: Noise, key: Keys, days: Days, slots: int) -> Floats:
+def sun_share(noise: Noise, key: RandomKeys, days: DayNumbers, slots: int) -> Floats:
     """What clouds leave of the clear sky's energy, ``(day, slot)``. [-]
 
     A day's cover is spread evenly between none and twice ``cloudiness``. Clouds pass from hour to hour: the cover is
@@ -56,7 +56,9 @@ def sun_share(noise: Noise, key: Keys, days: Days, slots: int) -> Floats:
     return np.asarray(1.0 - np.minimum(taken, _DARKEST))
 
 
-def load_factor(noise: Noise, keys: Keys, days: Days, slots: int, share: Floats | float = 1.0) -> Floats | None:
+def load_factor(
+    noise: Noise, keys: RandomKeys, days: DayNumbers, slots: int, share: Floats | float = 1.0
+) -> Floats | None:
     """Factor on the load of each home, ``(day, slot, home)``, never negative; None where there is no noise. [-]
 
     The product of a number for the day and one for the slot, both bell-shaped around 1.

@@ -8,8 +8,8 @@ from typing import Literal, Self, TypeVar
 import numpy as np
 from pydantic import Field, model_validator
 
-from zengrid.scenario.home import SMALLEST, BatterySpec, HomeSpec, LoadSpec, Spec
-from zengrid.scenario.randomness import Keys, bell, fork, keys_of, uniform
+from zengrid.scenario.home_spec import SMALLEST, BatterySpec, HomeSpec, LoadSpec, Spec
+from zengrid.scenario.randomness import RandomKeys, bell, fork, keys_of, uniform
 
 T = TypeVar("T")
 
@@ -44,7 +44,7 @@ class Draw(Spec):
         given = [value for value in values if value is not None]
         return min(given), max(given)
 
-    def draw(self, keys: Keys) -> list[float]:
+    def draw(self, keys: RandomKeys) -> list[float]:
         """One value a key."""
         if self.weights is not None:
             return choose(self.weights, keys)
@@ -91,7 +91,7 @@ class Population(Spec):
         names = [f"{self.prefix}{i + 1:0{len(str(self.count))}d}" for i in range(self.count)]
         places = np.arange(self.count)
 
-        def keys(purpose: str) -> Keys:
+        def keys(purpose: str) -> RandomKeys:
             return fork(keys_of([purpose], self.seed), places)
 
         columns = zip(
@@ -134,7 +134,7 @@ class Population(Spec):
         )
 
 
-def choose(weights: Mapping[T, float], keys: Keys) -> list[T]:
+def choose(weights: Mapping[T, float], keys: RandomKeys) -> list[T]:
     """One of the values a key, each as often as its weight says."""
     edges = np.cumsum(np.array(list(weights.values())))
     values = list(weights)

@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-Keys = NDArray[np.uint64]
+RandomKeys = NDArray[np.uint64]
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _NAME_BYTES = 64
 _BELL_SCALE = 3.0**0.5 / 65536.0
 
 
-def mix(bits: Keys) -> Keys:
+def mix(bits: RandomKeys) -> RandomKeys:
     """The finaliser of SplitMix64: every bit of the result depends on every bit given.
 
     Source: Steele, Lea, Flood, "Fast splittable pseudorandom number generators", doi:10.1145/2714064.2660195.
@@ -32,7 +32,7 @@ def mix(bits: Keys) -> Keys:
     return bits
 
 
-def keys_of(names: Sequence[str], seeds: Sequence[int] | int = 0) -> Keys:
+def keys_of(names: Sequence[str], seeds: Sequence[int] | int = 0) -> RandomKeys:
     """A key for each name and seed, ``(name,)``; names longer than 64 bytes are told apart by their first 64."""
     text = np.array([name.encode()[:_NAME_BYTES] for name in names], dtype=f"S{_NAME_BYTES}")
     words = text.view(np.uint8).reshape(len(names), _NAME_BYTES).view("<u8").astype(np.uint64)
@@ -42,17 +42,17 @@ def keys_of(names: Sequence[str], seeds: Sequence[int] | int = 0) -> Keys:
     return key
 
 
-def fork(keys: Keys, number: NDArray[np.integer] | int) -> Keys:
+def fork(keys: RandomKeys, number: NDArray[np.integer] | int) -> RandomKeys:
     """Keys for the numbered branches of other keys; broadcasts, so that a table of keys comes from rows and columns."""
     return mix(keys + _GOLDEN * (np.atleast_1d(number).astype(np.uint64) + np.uint64(1)))
 
 
-def uniform(keys: Keys) -> Floats:
+def uniform(keys: RandomKeys) -> Floats:
     """Evenly spread over [0, 1)."""
     return (keys >> np.uint64(11)).astype(np.float64) * 2.0**-53
 
 
-def bell(keys: Keys) -> Floats:
+def bell(keys: RandomKeys) -> Floats:
     """Mean 0, standard deviation 1, bell-shaped and within +-3.47: the sum of four even numbers of 16 bits each."""
     pairs = (keys & np.uint64(0x0000FFFF0000FFFF)) + ((keys >> np.uint64(16)) & np.uint64(0x0000FFFF0000FFFF))
     total = (pairs & np.uint64(0xFFFFFFFF)) + (pairs >> np.uint64(32))

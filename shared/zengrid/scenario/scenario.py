@@ -10,10 +10,10 @@ from pydantic import Field, ValidationError, field_validator, model_serializer, 
 from pydantic import SerializerFunctionWrapHandler as Handler
 
 from zengrid.core.baselines import BASELINE_BUY_PRICE
-from zengrid.core.params import Facilities, Market
+from zengrid.core.params import Facilities, MarketParams
 from zengrid.errors import ScenarioError
 from zengrid.scenario.explain import explain
-from zengrid.scenario.home import HomeSpec, Id, Spec, homes_params
+from zengrid.scenario.home_spec import HomeSpec, Id, Spec, homes_params
 from zengrid.scenario.noise import Noise
 from zengrid.scenario.population import Population
 from zengrid.scenario.site import Site
@@ -229,7 +229,7 @@ class Scenario(Spec):
         starts = range(0, DAY_MINUTES, self.slot_minutes)
         return tuple(next(s.price for s in reversed(self.tariff) if s.minute <= start) for start in starts)
 
-    def market(self) -> Market:
+    def market(self) -> MarketParams:
         """The homes, facilities and slot length as the core takes them."""
         facilities = Facilities.of(
             p_min_kw=[f.min_kw for f in self.facilities],
@@ -238,7 +238,7 @@ class Scenario(Spec):
             cost_b=[f.b for f in self.facilities],
             cost_c=[f.c for f in self.facilities],
         )
-        return Market(homes_params(self.homes), facilities, self.dt_h, self.value_of_lost_load)
+        return MarketParams(homes_params(self.homes), facilities, self.dt_h, self.value_of_lost_load)
 
     def with_(self, **changes: Any) -> Scenario:
         """The same scenario with some fields changed, validated.

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from zengrid.errors import ScenarioError
-from zengrid.scenario.home import Spec
+from zengrid.scenario.home_spec import Spec
 
 Floats = NDArray[np.float64]
 

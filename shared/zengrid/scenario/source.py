@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field, ValidationInfo
 
 from zengrid.errors import ScenarioError
-from zengrid.scenario.home import Spec
+from zengrid.scenario.home_spec import Spec
 from zengrid.scenario.profiles import Profiles
 
 _SHIPPED = Path(__file__).parent / "data"
@@ -41,7 +41,7 @@ class BuiltinData(Spec):
 
     def read(self, files: tuple[Path, ...]) -> Profiles:
         """All profiles at the file's own step."""
-        from zengrid.scenario.readers.csv import read_csv
+        from zengrid.scenario.readers.plain_csv import read_csv
 
         return read_csv(files[0], pv_rated_kw=4.0)
 
@@ -63,7 +63,7 @@ class CsvData(Spec):
 
     def read(self, files: tuple[Path, ...]) -> Profiles:
         """All profiles at the file's own step."""
-        from zengrid.scenario.readers.csv import read_csv
+        from zengrid.scenario.readers.plain_csv import read_csv
 
         return read_csv(files[0], self.pv_rated_kw, self.timezone)
 

@@ -9,7 +9,7 @@ from zengrid.core.baselines import conventional
 from zengrid.core.settle import settle
 from zengrid.core.state import Action
 from zengrid.scenario import Days, load
-from zengrid.scenario.home import HomeSpec
+from zengrid.scenario.home_spec import HomeSpec
 from zengrid_clock.live_market import LiveMarket
 from zengrid_clock.profiles_ahead import DAYS_AHEAD
 

@@ -11,7 +11,7 @@ from hypothesis import given
 
 from support.random_slots import Slot, slots
 from zengrid.core.baselines import BASELINE_BUY_PRICE, conventional
-from zengrid.core.params import Facilities, Homes, Market
+from zengrid.core.params import Facilities, Homes, MarketParams
 from zengrid.core.settle import settle
 from zengrid.core.state import Action, Exogenous, Settlement
 
@@ -33,7 +33,7 @@ def test_it_neither_buys_to_store_nor_sells_what_it_stored(slot: Slot) -> None:
     assert np.all((settled.home_export_kw <= 1e-12) | full | (market.homes.capacity_kwh == 0.0))
 
 
-def case_study(minutes: int) -> tuple[Exogenous, Market]:
+def case_study(minutes: int) -> tuple[Exogenous, MarketParams]:
     """The day and the market of the scenario `paper`."""
     with (files("zengrid.scenario") / "data" / f"paper_{minutes}min.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
@@ -46,10 +46,10 @@ def case_study(minutes: int) -> tuple[Exogenous, Market]:
     )
     homes = Homes.of([6.0, 12.0, 8.0], soc_initial=np.array([3.0, 4.0, 3.5]) / [6.0, 12.0, 8.0])
     plant = Facilities.of(p_max_kw=[20.0, 50.0], cost_b=[0.03, 0.33], cost_a=[0.0, 0.012], p_min_kw=[5.0, 0.0])
-    return day, Market(homes, plant, dt_h=minutes / 60)
+    return day, MarketParams(homes, plant, dt_h=minutes / 60)
 
 
-def conventional_day(minutes: int) -> tuple[list[Settlement], Market]:
+def conventional_day(minutes: int) -> tuple[list[Settlement], MarketParams]:
     day, market = case_study(minutes)
     soc, settled = market.homes.soc_initial, []
     for slot in range(len(day.sell_price)):

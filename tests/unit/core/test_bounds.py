@@ -15,7 +15,7 @@ from zengrid.core.baselines import conventional
 from zengrid.core.bounds import BestResponse, best_response, best_response_milp, optimality_gap
 from zengrid.core.leader import settle_day
 from zengrid.core.levels import level_commands
-from zengrid.core.params import Facilities, Homes, Market
+from zengrid.core.params import Facilities, Homes, MarketParams
 from zengrid.core.state import Exogenous
 from zengrid.scenario import Days, load
 
@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 class Case(NamedTuple):
     """The arguments of ``best_response``."""
 
-    market: Market
+    market: MarketParams
     pv_kw: Floats
     load_kw: Floats
     buy_price: Floats
@@ -58,7 +58,7 @@ def drawn(
     buy = rng.choice([0.05, 0.06, 0.07, 0.08, 0.09, 0.10], slots)
     sell = np.where(hour < 11.0, 0.05, 0.095)
     return Case(
-        Market(owned, Facilities.of(50.0, 0.1), dt_h),
+        MarketParams(owned, Facilities.of(50.0, 0.1), dt_h),
         sun * rng.uniform(2.0, 6.0, homes) * rng.uniform(0.5, 1.0, (slots, homes)),
         rng.uniform(0.2, 3.0, (slots, homes)),
         buy,
@@ -180,7 +180,7 @@ def test_without_a_battery_there_is_nothing_to_decide() -> None:
 
 
 def test_of_equal_days_it_takes_the_one_with_the_emptier_battery() -> None:
-    market = Market(Homes.of([6.0], soc_initial=0.5), Facilities.of(50.0, 0.1), 1.0)
+    market = MarketParams(Homes.of([6.0], soc_initial=0.5), Facilities.of(50.0, 0.1), 1.0)
     flat = np.full(4, 0.08)
     nothing = np.zeros((4, 1))
     empty = best_response(market, nothing, nothing, flat, flat)

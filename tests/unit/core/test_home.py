@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from support.random_slots import Slot, slots
-from zengrid.core.home import battery_step, meter
-from zengrid.core.params import Facilities, Homes, Market
+from support.markets import Slot, slots
+from zengrid.core.home_physics import battery_step, meter
+from zengrid.core.params import Facilities, Homes, MarketParams
 
 PLANT = Facilities.of(p_max_kw=10.0, cost_b=0.1)
 
@@ -64,7 +64,7 @@ def test_a_home_without_battery_is_a_battery_that_does_nothing(slot: Slot) -> No
 )
 def test_efficiencies_and_limits_by_hand(soc: float, command_kw: float, battery_kw: float, after: float) -> None:
     homes = Homes.of(10.0, charge_max_kw=2.0, discharge_max_kw=3.0, charge_efficiency=0.9, discharge_efficiency=0.8)
-    power, end = battery_step(np.array([soc]), np.array([command_kw]), Market(homes, PLANT, dt_h=0.5))
+    power, end = battery_step(np.array([soc]), np.array([command_kw]), MarketParams(homes, PLANT, dt_h=0.5))
     assert power.item() == pytest.approx(battery_kw, abs=1e-12)
     assert end.item() == pytest.approx(after, abs=1e-12)
 
@@ -73,7 +73,7 @@ def test_efficiencies_and_limits_by_hand(soc: float, command_kw: float, battery_
 def test_the_slot_length_does_not_change_where_a_constant_command_ends(slot: Slot, parts: int) -> None:
     homes, dt_h = slot.market.homes, slot.market.dt_h
     battery_kw, whole = battery_step(slot.soc, slot.action.battery_kw, slot.market)
-    short, soc, energy_kwh = Market(homes, PLANT, dt_h / parts), slot.soc, np.zeros(homes.count)
+    short, soc, energy_kwh = MarketParams(homes, PLANT, dt_h / parts), slot.soc, np.zeros(homes.count)
     for _ in range(parts):
         power_kw, soc = battery_step(soc, slot.action.battery_kw, short)
         energy_kwh += power_kw * short.dt_h
@@ -97,7 +97,7 @@ def test_the_meter_splits_without_loss(slot: Slot) -> None:
 
 def test_the_meter_splits_power_as_computed_by_hand() -> None:
     homes = Homes.of([1.0] * 5, injection_max_kw=3.0)
-    split = meter(np.array([5.0, 3.0, 0.0, -1.0, -4.0]), Market(homes, PLANT, 1.0))
+    split = meter(np.array([5.0, 3.0, 0.0, -1.0, -4.0]), MarketParams(homes, PLANT, 1.0))
     assert [column.tolist() for column in split] == [
         [3.0, 3.0, 0.0, -1.0, -3.0],
         [3.0, 3.0, 0.0, 0.0, 0.0],

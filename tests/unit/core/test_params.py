@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from zengrid.core.params import Facilities, Homes, Market
+from zengrid.core.params import Facilities, Homes, MarketParams
 
 PLANT = Facilities.of(p_max_kw=[20.0, 50.0], cost_b=[0.03, 0.33], p_min_kw=[5.0, 0.0])
 
@@ -29,7 +29,7 @@ def test_homes_leave_and_join_in_order() -> None:
 
 
 def test_a_market_changes_its_homes_and_keeps_the_rest() -> None:
-    market = Market(Homes.of([6.0, 12.0]), PLANT, dt_h=0.25, value_of_lost_load=3.0)
+    market = MarketParams(Homes.of([6.0, 12.0]), PLANT, dt_h=0.25, value_of_lost_load=3.0)
     other = market.with_homes(Homes.of([4.0]))
     assert other.homes.count == 1
     assert (other.facilities, other.dt_h, other.value_of_lost_load) == (PLANT, 0.25, 3.0)
@@ -37,7 +37,7 @@ def test_a_market_changes_its_homes_and_keeps_the_rest() -> None:
 
 def test_resizing_batteries_keeps_their_state_of_charge() -> None:
     homes = Homes.of([6.0, 12.0], soc_initial=[0.5, 0.3])
-    resized = Market(homes, PLANT, dt_h=1.0).with_capacity(25.0).homes
+    resized = MarketParams(homes, PLANT, dt_h=1.0).with_capacity(25.0).homes
     assert resized.capacity_kwh.tolist() == [25.0, 25.0]
     assert resized.soc_initial.tolist() == [0.5, 0.3]
     assert homes.capacity_kwh.tolist() == [6.0, 12.0]
@@ -46,19 +46,19 @@ def test_resizing_batteries_keeps_their_state_of_charge() -> None:
 @pytest.mark.parametrize("dt_h", [0.0, -1.0, float("nan")])
 def test_a_slot_has_a_length(dt_h: float) -> None:
     with pytest.raises(ValueError, match=r"dt_h = .*longer than 0 h"):
-        Market(Homes.of(6.0), PLANT, dt_h)
+        MarketParams(Homes.of(6.0), PLANT, dt_h)
 
 
 def test_a_market_has_a_facility() -> None:
     with pytest.raises(ValueError, match="at least one generation facility"):
-        Market(Homes.of(6.0), Facilities.of(np.zeros(0), np.zeros(0)), 1.0)
+        MarketParams(Homes.of(6.0), Facilities.of(np.zeros(0), np.zeros(0)), 1.0)
 
 
 def test_only_the_first_facility_has_a_minimum() -> None:
     with pytest.raises(ValueError, match="only the first facility can have a minimum"):
-        Market(Homes.of(6.0), Facilities.of([20.0, 50.0], 0.1, p_min_kw=[0.0, 5.0]), 1.0)
+        MarketParams(Homes.of(6.0), Facilities.of([20.0, 50.0], 0.1, p_min_kw=[0.0, 5.0]), 1.0)
 
 
 def test_a_battery_does_not_make_energy() -> None:
     with pytest.raises(ValueError, match=r"charge_efficiency = \[1.1\].*at most 1"):
-        Market(Homes.of(6.0, charge_efficiency=1.1), PLANT, 1.0)
+        MarketParams(Homes.of(6.0, charge_efficiency=1.1), PLANT, 1.0)

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from support.random_slots import Slot, slots
-from zengrid.core.params import Facilities, Homes, Market
+from support.markets import Slot, slots
+from zengrid.core.params import Facilities, Homes, MarketParams
 from zengrid.core.settle import settle
 from zengrid.core.state import Action, Exogenous, Settlement
 
@@ -95,7 +95,7 @@ def test_half_the_slot_twice_is_the_slot(slot: Slot) -> None:
     soc, action, exogenous, market = slot
     whole = settle(*slot)
     steady = Action(action.buy_price, whole.battery_kw)
-    half = Market(market.homes, market.facilities, market.dt_h / 2, market.value_of_lost_load)
+    half = MarketParams(market.homes, market.facilities, market.dt_h / 2, market.value_of_lost_load)
     first = settle(soc, steady, exogenous, half)
     second = settle(first.soc, steady, exogenous, half)
     for name in Settlement._fields:
@@ -105,7 +105,7 @@ def test_half_the_slot_twice_is_the_slot(slot: Slot) -> None:
 
 
 def test_a_shortage_is_charged_at_the_value_of_lost_load() -> None:
-    market = Market(Homes.of(0.0), Facilities.of(p_max_kw=10.0, cost_b=0.1), dt_h=0.5, value_of_lost_load=7.0)
+    market = MarketParams(Homes.of(0.0), Facilities.of(p_max_kw=10.0, cost_b=0.1), dt_h=0.5, value_of_lost_load=7.0)
     exogenous = Exogenous(np.zeros(1), np.array([4.0]), np.array([9.0]), np.array(0.2))
     settled = settle(np.array([0.5]), Action(np.array(0.05), np.zeros(1)), exogenous, market)
     assert settled.unserved_kw == 3.0
@@ -117,7 +117,7 @@ def test_a_surplus_is_curtailed_and_still_paid_for() -> None:
     plant = Facilities.of(p_max_kw=20.0, cost_b=0.1, p_min_kw=5.0)
     exogenous = Exogenous(np.array([6.0]), np.zeros(1), np.array([2.0]), np.array(0.2))
     settled = settle(
-        np.array([0.5]), Action(np.array(0.05), np.zeros(1)), exogenous, Market(Homes.of(0.0), plant, dt_h=1.0)
+        np.array([0.5]), Action(np.array(0.05), np.zeros(1)), exogenous, MarketParams(Homes.of(0.0), plant, dt_h=1.0)
     )
     assert settled.facility_kw.tolist() == [5.0]
     assert settled.curtailed_kw == 9.0
@@ -125,7 +125,7 @@ def test_a_surplus_is_curtailed_and_still_paid_for() -> None:
 
 
 def test_a_market_without_homes_settles_its_consumers() -> None:
-    market = Market(Homes.of(np.zeros(0)), Facilities.of(p_max_kw=10.0, cost_b=0.1), dt_h=1.0)
+    market = MarketParams(Homes.of(np.zeros(0)), Facilities.of(p_max_kw=10.0, cost_b=0.1), dt_h=1.0)
     none = np.zeros(0)
     settled = settle(none, Action(np.array(0.05), none), Exogenous(none, none, np.array([3.0]), np.array(0.2)), market)
     assert settled.bill.shape == (0,)
@@ -133,7 +133,7 @@ def test_a_market_without_homes_settles_its_consumers() -> None:
 
 
 def test_prices_may_be_plain_numbers() -> None:
-    market = Market(Homes.of([6.0, 6.0]), Facilities.of(p_max_kw=10.0, cost_b=0.1), dt_h=1.0)
+    market = MarketParams(Homes.of([6.0, 6.0]), Facilities.of(p_max_kw=10.0, cost_b=0.1), dt_h=1.0)
     home = np.array([1.0, 2.0])
     plain = settle(home / 4, Action(0.05, home), Exogenous(home, home, home, 0.2), market)  # type: ignore[arg-type]
     arrays = settle(home / 4, Action(np.array(0.05), home), Exogenous(home, home, home, np.array(0.2)), market)

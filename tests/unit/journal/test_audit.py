@@ -9,7 +9,7 @@ from support.journals import SLOTS_PER_DAY, begin, changed, fill, record, roster
 from zengrid.journal import Journal
 from zengrid.journal.audit import FINDINGS_MAX, _sequence, audit
 from zengrid.journal.block import Block
-from zengrid.journal.columns import COLUMNS
+from zengrid.journal.slot_columns import COLUMNS
 
 
 def test_a_sound_run_has_no_findings(journal: Journal) -> None:

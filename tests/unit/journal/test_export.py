@@ -14,8 +14,8 @@ from typer.testing import CliRunner
 
 from support.journal_records import begin, record, records, roster
 from zengrid.errors import JournalError
-from zengrid.journal import Journal, Run, SlotRecord, view
-from zengrid.journal.export import FACILITY_COLUMNS, HOME_COLUMNS, SLOT_COLUMNS, Format, export
+from zengrid.journal import Journal, RunWriter, SlotRecord, view
+from zengrid.journal.table_export import FACILITY_COLUMNS, HOME_COLUMNS, SLOT_COLUMNS, TableFormat, export
 from zengrid_cli.export import days_of
 from zengrid_cli.export import export as command
 
@@ -38,12 +38,12 @@ def read(path: Path) -> pa.Table:
     return csv.read_csv(path) if path.suffix == ".csv" else parquet.read_table(path)
 
 
-def written(run: Run) -> list[SlotRecord]:
+def written(run: RunWriter) -> list[SlotRecord]:
     return run.records(limit=SLOTS)
 
 
 @pytest.mark.parametrize("format", ["csv", "parquet"])
-def test_slots_come_back_to_the_last_bit(run: Run, tmp_path: Path, format: Format) -> None:
+def test_slots_come_back_to_the_last_bit(run: RunWriter, tmp_path: Path, format: TableFormat) -> None:
     paths = export(run, tmp_path / "out", format)
     assert [path.name for path in paths] == [f"slots.{format}", f"homes.{format}", "scenario.yaml"]
     assert sorted(paths) == sorted((tmp_path / "out").iterdir())
@@ -65,7 +65,7 @@ def test_slots_come_back_to_the_last_bit(run: Run, tmp_path: Path, format: Forma
 @pytest.mark.parametrize("format", ["csv", "parquet"])
 @pytest.mark.parametrize("values", [1, 10, 250_000])
 def test_homes_come_back_to_the_last_bit(
-    run: Run, tmp_path: Path, format: Format, values: int, monkeypatch: pytest.MonkeyPatch
+    run: RunWriter, tmp_path: Path, format: TableFormat, values: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(view, "BLOCK_VALUES", values)
     table = read(export(run, tmp_path, format)[1])
@@ -78,11 +78,11 @@ def test_homes_come_back_to_the_last_bit(
         assert table[name].to_numpy().tobytes() == np.concatenate([getattr(one, column) for one in made]).tobytes()
 
 
-def test_homes_can_be_left_out(run: Run, tmp_path: Path) -> None:
+def test_without_homes(run: RunWriter, tmp_path: Path) -> None:
     assert [path.name for path in export(run, tmp_path, homes=False)] == ["slots.csv", "scenario.yaml"]
 
 
-def test_only_the_given_days_are_exported(run: Run, tmp_path: Path) -> None:
+def test_some_days(run: RunWriter, tmp_path: Path) -> None:
     steps: list[tuple[int, int]] = []
     paths = export(run, tmp_path, days=(1, 2), progress=lambda done, total: steps.append((done, total)))
     assert set(read(paths[0])["day"].to_pylist()) == {1}
@@ -91,7 +91,7 @@ def test_only_the_given_days_are_exported(run: Run, tmp_path: Path) -> None:
     assert steps == [(4, 96), (96, 96)]
 
 
-def test_days_outside_of_the_run_are_refused(run: Run, tmp_path: Path) -> None:
+def test_days_that_are_not_there(run: RunWriter, tmp_path: Path) -> None:
     with pytest.raises(JournalError, match="no slot of day 7 or later is settled"):
         export(run, tmp_path, days=(7, None))
     with pytest.raises(JournalError, match="no slot of day 7 up to 8 is settled"):
@@ -99,14 +99,14 @@ def test_days_outside_of_the_run_are_refused(run: Run, tmp_path: Path) -> None:
     assert not list(tmp_path.glob("slots*"))
 
 
-def test_a_folder_that_cannot_be_written_is_reported(run: Run, tmp_path: Path) -> None:
+def test_a_place_that_cannot_be_written(run: RunWriter, tmp_path: Path) -> None:
     (tmp_path / "taken").write_text("")
     with pytest.raises(JournalError, match=r"export to .*taken"):
         export(run, tmp_path / "taken")
 
 
 def test_an_export_that_breaks_off_leaves_the_last_one(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    run: RunWriter, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(view, "BLOCK_VALUES", 100)
     out = tmp_path / "out"
@@ -130,7 +130,7 @@ def test_run_names_are_quoted_in_csv(file: Path, tmp_path: Path) -> None:
         assert read(export(run, tmp_path / "out")[0])["run"].to_pylist() == ['a "b", c']
 
 
-def test_an_unknown_format_is_refused(run: Run, tmp_path: Path) -> None:
+def test_an_unknown_format(run: RunWriter, tmp_path: Path) -> None:
     with pytest.raises(JournalError, match="format = 'xml': permitted are csv, parquet"):
         export(run, tmp_path, "xml")  # type: ignore[arg-type]
 
@@ -143,7 +143,7 @@ app.command()(command)
 
 
 def test_the_command_writes_a_folder_named_as_the_run(
-    run: Run, file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    run: RunWriter, file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     done = CliRunner().invoke(app, ["--format", "parquet", "--days", "0"])
@@ -161,7 +161,7 @@ def test_the_command_writes_a_folder_named_as_the_run(
     ],
 )
 def test_the_command_says_what_is_wrong(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], message: str
+    run: RunWriter, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], message: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
     done = CliRunner().invoke(app, arguments)

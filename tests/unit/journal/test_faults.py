@@ -13,7 +13,7 @@ import pytest
 
 from support.journal_records import begin, changed, differences, fill, record, roster
 from zengrid.errors import JournalError
-from zengrid.journal import Journal, Run, SlotRecord
+from zengrid.journal import Journal, RunWriter, SlotRecord
 from zengrid.journal.audit import audit
 from zengrid.journal.database import Step, Writer
 
@@ -31,7 +31,7 @@ def largest_file(size: int) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
-def commit_until_full(run: Run, pattern: SlotRecord, most: int) -> SlotRecord:
+def commit_until_full(run: RunWriter, pattern: SlotRecord, most: int) -> SlotRecord:
     """Commit the same slot again and again; return the record that was refused."""
     for _ in range(most):
         made = slot_at(pattern, run.position)

@@ -263,7 +263,7 @@ def test_the_statements_for_sqlite_are_fresh() -> None:
 
 def test_columns_of_a_record_are_columns_of_the_table() -> None:
     from zengrid.journal import SlotRecord
-    from zengrid.journal.columns import COLUMNS
+    from zengrid.journal.slot_columns import COLUMNS
 
     assert SlotRecord._fields == COLUMNS
     assert record(1).encode(1)[0] == 0

@@ -7,9 +7,9 @@ import pytest
 
 from support.journal_records import begin, record, roster
 from zengrid.errors import JournalError
-from zengrid.journal import Journal, Roster, RunView
+from zengrid.journal import Journal, RosterRecord, RunView
 from zengrid.journal.audit import audit
-from zengrid.journal.columns import HOME_ARRAYS
+from zengrid.journal.slot_columns import HOME_ARRAYS
 
 # From each position on: how many homes, the first of them.
 CHANGES = {0: (3, 0), 5: (4, 0), 9: (2, 2), 12: (3, 0)}
@@ -99,11 +99,11 @@ def test_a_run_starts_with_a_roster(journal: Journal) -> None:
     ("wrong", "message"),
     [
         (roster(2, 1), "roster.version = 1: must be above 1"),
-        (Roster(2, ("a", "a"), ({}, {}), ()), "2 homes must be distinct"),
-        (Roster(2, ("a", "b"), ({},), ()), "have a spec each"),
+        (RosterRecord(2, ("a", "a"), ({}, {}), ()), "2 homes must be distinct"),
+        (RosterRecord(2, ("a", "b"), ({},), ()), "have a spec each"),
     ],
 )
-def test_a_wrong_roster_is_refused(journal: Journal, wrong: Roster, message: str) -> None:
+def test_a_wrong_roster_is_refused(journal: Journal, wrong: RosterRecord, message: str) -> None:
     run = begin(journal)
     run.commit(record(2), roster(2))
     with pytest.raises(JournalError, match=message):

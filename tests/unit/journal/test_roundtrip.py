@@ -15,8 +15,8 @@ from hypothesis.extra.numpy import arrays
 
 from support.journal_records import begin, changed, differences, record, roster
 from zengrid.errors import JournalError
-from zengrid.journal import Journal, Roster, SlotRecord
-from zengrid.journal.columns import COUNTS, FACILITY_ARRAYS, FIGURES, HOME_ARRAYS
+from zengrid.journal import Journal, RosterRecord, SlotRecord
+from zengrid.journal.slot_columns import COUNTS, FACILITY_ARRAYS, FIGURES, HOME_ARRAYS
 
 NUMBERS = count()
 FLOATS = st.floats(allow_nan=False)
@@ -46,13 +46,13 @@ def any_record(draw: st.DrawFn, homes: int) -> SlotRecord:
 
 
 @st.composite
-def rosters(draw: st.DrawFn) -> Roster:
+def rosters(draw: st.DrawFn) -> RosterRecord:
     homes = tuple(draw(st.lists(st.text(), max_size=5, unique=True)))
     specs = tuple(draw(st.dictionaries(st.text(), JSON, max_size=4)) for _ in homes)
     agents = draw(
         st.lists(st.tuples(st.text(), st.lists(st.sampled_from(homes or ("",))).map(tuple), st.none() | st.text()))
     )
-    return Roster(1, homes, specs, tuple(agents))
+    return RosterRecord(1, homes, specs, tuple(agents))
 
 
 @given(st.data())

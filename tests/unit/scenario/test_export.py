@@ -9,7 +9,7 @@ import pytest
 
 from zengrid.errors import ScenarioError
 from zengrid.scenario import Days, Scenario, load
-from zengrid.scenario.export import export_days
+from zengrid.scenario.day_export import export_days
 
 
 @pytest.mark.parametrize("name", ["paper", "village"])

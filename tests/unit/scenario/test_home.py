@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from zengrid.core.params import HOME_FIELDS, Homes
 from zengrid.scenario import BatterySpec, HomeSpec, homes_params
-from zengrid.scenario.home import SMALLEST, home_columns
+from zengrid.scenario.home_spec import SMALLEST, home_columns
 from zengrid.wire.requests import HomeLimits
 
 

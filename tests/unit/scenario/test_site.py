@@ -12,7 +12,7 @@ from zengrid.errors import ScenarioError
 from zengrid.scenario import Scenario, load
 from zengrid.scenario import site as site_module
 from zengrid.scenario.profiles import resample
-from zengrid.scenario.readers.table import Table
+from zengrid.scenario.readers.csv_table import CsvTable
 from zengrid.scenario.site import Site, clear_sky, compute_clear_sky, pv_output, sky_file
 
 SHIPPED = Path(site_module.__file__).parent / "data"
@@ -47,7 +47,7 @@ def test_built_in_scenarios_need_no_pvlib(name: str) -> None:
 @pytest.mark.parametrize(("minutes", "error_kw"), [(15, 0.03), (60, 0.03)])
 def test_the_papers_pv_is_4_kw_in_fresno_on_15_april(place: Site, minutes: int, error_kw: float) -> None:
     pv_kw = 4 * resample(pv_output(clear_sky(place), 30, 180), 1440 // minutes)[0]
-    given = Table(SHIPPED / f"paper_{minutes}min.csv").numbers("pv_kw")
+    given = CsvTable(SHIPPED / f"paper_{minutes}min.csv").numbers("pv_kw")
     np.testing.assert_allclose(pv_kw, given, atol=error_kw)
     assert pv_kw.mean() == pytest.approx(given.mean(), rel=0.005)
 

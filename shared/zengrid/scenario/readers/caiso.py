@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from zengrid.errors import ScenarioError
 from zengrid.scenario.profiles import DEFAULT_PV, CalendarDay, Profiles, PvSeries
 from zengrid.scenario.readers import stamps
-from zengrid.scenario.readers.table import Table
+from zengrid.scenario.readers.csv_table import CsvTable
 
 Floats = NDArray[np.float64]
 
@@ -48,13 +48,15 @@ def read_caiso(
     ScenarioError
         Names the file, line and column of what is wrong, and what is permitted.
     """
-    demand, calendar = _series(Table(load), {"TAC_AREA_NAME": area, "MARKET_RUN_ID": run})
+    demand, calendar = _series(CsvTable(load), {"TAC_AREA_NAME": area, "MARKET_RUN_ID": run})
     if not demand.any():
         raise ScenarioError(f'{load}, column "MW": all values are 0; needed: a demand')
     load_kw = {LOAD_PROFILE: demand / demand.mean()}
     if renewables is None:
         return Profiles(load_kw, {}, calendar)
-    solar, solar_calendar = _series(Table(renewables), {"RENEWABLE_TYPE": "Solar", "MARKET_RUN_ID": run}, "TRADING_HUB")
+    solar, solar_calendar = _series(
+        CsvTable(renewables), {"RENEWABLE_TYPE": "Solar", "MARKET_RUN_ID": run}, "TRADING_HUB"
+    )
     if calendar != solar_calendar:
         raise ScenarioError(
             f"{renewables}: its whole days are {solar_calendar[0].label} to {solar_calendar[-1].label}; "
@@ -65,7 +67,7 @@ def read_caiso(
     return Profiles(load_kw, {DEFAULT_PV: PvSeries(solar * (solar_peak_kw / solar.max()), 1.0)}, calendar)
 
 
-def _series(table: Table, wanted: dict[str, str | None], parts: str = "") -> tuple[Floats, tuple[CalendarDay, ...]]:
+def _series(table: CsvTable, wanted: dict[str, str | None], parts: str = "") -> tuple[Floats, tuple[CalendarDay, ...]]:
     """One series in MW ``(day, step)``; where ``parts`` names a column, its values are added up."""
     rows = np.arange(len(table))
     for column, value in wanted.items():

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from zengrid.errors import ScenarioError
 from zengrid.scenario.profiles import CalendarDay, Profiles, PvSeries
-from zengrid.scenario.readers.table import Table
+from zengrid.scenario.readers.csv_table import CsvTable
 
 Floats = NDArray[np.float64]
 
@@ -53,9 +53,9 @@ def read_citylearn(folder: Path) -> Profiles:
         raise ScenarioError(f"{folder}: holds no Building_*.csv. {SOURCE}.")
     load_kw: dict[str, Floats] = {}
     pv: dict[str, PvSeries] = {}
-    first: Table | None = None
+    first: CsvTable | None = None
     for number, path in sorted(files.items(), key=lambda item: (len(item[0]), item[0])):
-        table = Table(path, _RENAME)
+        table = CsvTable(path, _RENAME)
         if first is None:
             first, (start, calendar) = table, _calendar(table)
         elif any(table.text(column) != first.text(column) for column in _CALENDAR):
@@ -69,7 +69,7 @@ def read_citylearn(folder: Path) -> Profiles:
     return Profiles(load_kw, pv, calendar)
 
 
-def _calendar(table: Table) -> tuple[int, tuple[CalendarDay, ...]]:
+def _calendar(table: CsvTable) -> tuple[int, tuple[CalendarDay, ...]]:
     """Row of the first whole day, and the dates of all whole days; checks that no hour is missing or doubled."""
     hours, months = table.numbers("hour", 1), table.numbers("month", 1)
     kinds = table.numbers("day_type", 1)

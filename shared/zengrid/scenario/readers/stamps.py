@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from zengrid.errors import ScenarioError
 from zengrid.scenario.profiles import CalendarDay
-from zengrid.scenario.readers.table import Table
+from zengrid.scenario.readers.csv_table import CsvTable
 
 Minutes = NDArray[np.int64]
 
@@ -33,7 +33,7 @@ def zone(name: str, where: str) -> tzinfo:
         raise ScenarioError(f'{where} = "{name}": permitted: an IANA time zone, such as America/Los_Angeles') from None
 
 
-def clock_times(table: Table, column: str) -> int | None:
+def clock_times(table: CsvTable, column: str) -> int | None:
     """The step of a typical day, whose stamps are 00:00, 00:15, ... without a date [min]; None where they are dates."""
     cells = table.text(column)
     if len(cells[0].strip()) > len("00:00"):
@@ -47,7 +47,7 @@ def clock_times(table: Table, column: str) -> int | None:
     return step
 
 
-def dates(table: Table, column: str, timezone: str | None) -> Minutes:
+def dates(table: CsvTable, column: str, timezone: str | None) -> Minutes:
     """Stamps as minutes since 1970, on the standard time of their zone where they have an offset. [min]"""
     given: list[datetime] = []
     for row, cell in enumerate(table.text(column)):
@@ -71,7 +71,7 @@ def dates(table: Table, column: str, timezone: str | None) -> Minutes:
     return seconds // 60
 
 
-def _standard_time(table: Table, column: str, given: list[datetime], timezone: str | None) -> list[datetime]:
+def _standard_time(table: CsvTable, column: str, given: list[datetime], timezone: str | None) -> list[datetime]:
     if timezone is not None:
         local = zone(timezone, "data.timezone")
         moment = given[0].astimezone(local)
@@ -87,7 +87,9 @@ def _standard_time(table: Table, column: str, given: list[datetime], timezone: s
     return [(stamp.astimezone(UTC) + offset).replace(tzinfo=None) for stamp in given]
 
 
-def even_step(table: Table, column: str, minutes: Minutes, rows: NDArray[np.intp], timezone: str | None = None) -> int:
+def even_step(
+    table: CsvTable, column: str, minutes: Minutes, rows: NDArray[np.intp], timezone: str | None = None
+) -> int:
     """The one step between stamps; an error where one is missing, doubled or out of order. [min]
 
     ``rows`` are the lines of the table that the stamps stand on.

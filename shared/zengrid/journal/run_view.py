@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from zengrid.errors import JournalError
 from zengrid.journal.block import Block
-from zengrid.journal.columns import COLUMNS, COUNTS, FIGURES, FLOAT, HOME_ARRAYS, MARKET_COLUMNS, stack
 from zengrid.journal.database import Row
-from zengrid.journal.record import SlotRecord
-from zengrid.journal.roster import Roster
+from zengrid.journal.roster_record import RosterRecord
+from zengrid.journal.slot_columns import COLUMNS, COUNTS, FIGURES, FLOAT, HOME_ARRAYS, MARKET_COLUMNS, stack
+from zengrid.journal.slot_record import SlotRecord
 from zengrid.journal.statements import Statements
 from zengrid.journal.totals import RunTotals
 
@@ -60,7 +60,7 @@ class RunView:
         self._sql = statements
         self.info = info
         self.id, self.name = info.id, info.name
-        self._rosters: dict[int, tuple[int, Roster]] = {}
+        self._rosters: dict[int, tuple[int, RosterRecord]] = {}
 
     def scenario(self) -> str:
         """The scenario file the run began with, as YAML."""
@@ -161,14 +161,14 @@ class RunView:
         end = count if until is None else min(until * each, count)
         return range(max(first * each, self.kept_from()), end)
 
-    def rosters(self) -> list[tuple[int, Roster]]:
+    def rosters(self) -> list[tuple[int, RosterRecord]]:
         """Every roster with the position it counts from, in order."""
         for version, position, body in self._query(self._sql.rosters, (self.id,)):
             if version not in self._rosters:
-                self._rosters[version] = (position, Roster.decode(version, body))
+                self._rosters[version] = (position, RosterRecord.decode(version, body))
         return list(self._rosters.values())
 
-    def roster(self, version: int | None = None) -> Roster:
+    def roster(self, version: int | None = None) -> RosterRecord:
         """One roster, or the one in force."""
         if version is None or version not in self._rosters:
             self.rosters()

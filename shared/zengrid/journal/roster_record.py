@@ -12,7 +12,7 @@ from zengrid.errors import JournalError
 
 
 @dataclass(frozen=True, slots=True)
-class Roster:
+class RosterRecord:
     """Who the arrays belong to. A new version counts from the slot it is committed with.
 
     Parameters

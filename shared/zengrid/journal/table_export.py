@@ -11,13 +11,13 @@ import numpy as np
 
 from zengrid.errors import JournalError
 from zengrid.journal.block import Block
-from zengrid.journal.view import RunView
+from zengrid.journal.run_view import RunView
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-Format = Literal["csv", "parquet"]
-Progress = Callable[[int, int], None]
+TableFormat = Literal["csv", "parquet"]
+SlotProgress = Callable[[int, int], None]
 Columns = dict[str, Any]
 
 # Name in the table: column of the journal.
@@ -60,11 +60,11 @@ HOME_COLUMNS = {
 def export(
     run: RunView,
     out: str | Path,
-    format: Format = "csv",
+    format: TableFormat = "csv",
     *,
     homes: bool = True,
     days: tuple[int, int | None] = (0, None),
-    progress: Progress = lambda done, total: None,
+    progress: SlotProgress = lambda done, total: None,
 ) -> list[Path]:
     """Write ``slots.*``, ``homes.*`` and ``scenario.yaml`` into a directory; floats keep every bit.
 
@@ -84,8 +84,8 @@ def export(
     list[Path]
         What was written.
     """
-    if format not in get_args(Format):
-        raise JournalError(f"format = {format!r}: permitted are {', '.join(get_args(Format))}")
+    if format not in get_args(TableFormat):
+        raise JournalError(f"format = {format!r}: permitted are {', '.join(get_args(TableFormat))}")
     positions = run.days(*days)
     if not positions:
         raise JournalError(f"run {run.name!r}: no slot of day {_span(days)} is settled")
@@ -96,7 +96,7 @@ def export(
     try:
         out.mkdir(parents=True, exist_ok=True)
         with ExitStack() as stack:
-            writers = {name: stack.enter_context(_Table(out / f"{name}.{format}", format)) for name in tables}
+            writers = {name: stack.enter_context(_TableFile(out / f"{name}.{format}", format)) for name in tables}
             for block in run.blocks(positions.start, positions.stop, homes=homes):
                 for name, table in tables.items():
                     writers[name].write(table(run, block))
@@ -129,16 +129,16 @@ def home_table(run: RunView, block: Block) -> Columns:
     return columns | {name: block[column].ravel() for name, column in HOME_COLUMNS.items()}
 
 
-class _Table:
+class _TableFile:
     """A table file that grows by chunks and takes its name when it is complete."""
 
-    def __init__(self, path: Path, format: Format) -> None:
+    def __init__(self, path: Path, format: TableFormat) -> None:
         self._path = path
         self._part = path.with_name(f"{path.name}.part")
         self._format = format
         self._writer: Any = None
 
-    def __enter__(self) -> _Table:
+    def __enter__(self) -> _TableFile:
         return self
 
     def write(self, columns: Columns) -> None:

@@ -14,13 +14,15 @@ from zengrid.errors import ScenarioError
 from zengrid.scenario import Days, dumps
 from zengrid.scenario.scenario import Scenario
 
-Format = Literal["csv", "parquet"]
+ProfileFormat = Literal["csv", "parquet"]
 
 # A year without a leap day that begins on a Monday; scenarios know no years.
 _YEAR = 2001
 
 
-def export_days(scenario: Scenario, count: int, folder: Path, kind: Format = "csv", first: int = 0) -> list[Path]:
+def export_days(
+    scenario: Scenario, count: int, folder: Path, kind: ProfileFormat = "csv", first: int = 0
+) -> list[Path]:
     """Write profiles of some days, and a scenario that plays them from the file.
 
     Parameters

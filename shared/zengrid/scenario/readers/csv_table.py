@@ -14,7 +14,7 @@ from zengrid.errors import ScenarioError
 Floats = NDArray[np.float64]
 
 
-class Table:
+class CsvTable:
     """Columns of a file with a header line.
 
     Parameters

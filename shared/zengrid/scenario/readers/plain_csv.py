@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from zengrid.errors import ScenarioError
 from zengrid.scenario.profiles import DEFAULT_PV, CalendarDay, Profiles, PvSeries
 from zengrid.scenario.readers import stamps
-from zengrid.scenario.readers.table import Table
+from zengrid.scenario.readers.csv_table import CsvTable
 
 Floats = NDArray[np.float64]
 
@@ -47,7 +47,7 @@ def read_csv(
     ScenarioError
         Names the file, line and column of what is wrong, and what is permitted.
     """
-    table = Table(path)
+    table = CsvTable(path)
     step = stamps.clock_times(table, "time")
     part = slice(None)
     calendar: tuple[CalendarDay, ...] = ()

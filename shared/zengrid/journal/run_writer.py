@@ -5,15 +5,15 @@ from __future__ import annotations
 import time
 
 from zengrid.errors import JournalError, JournalUnavailableError
-from zengrid.journal.columns import HOME_ARRAYS
 from zengrid.journal.database import Database, Row, Step, Writer
-from zengrid.journal.record import SlotRecord
-from zengrid.journal.roster import Roster
+from zengrid.journal.roster_record import RosterRecord
+from zengrid.journal.run_view import Query, RunInfo, RunView
+from zengrid.journal.slot_columns import HOME_ARRAYS
+from zengrid.journal.slot_record import SlotRecord
 from zengrid.journal.totals import RunTotals
-from zengrid.journal.view import Query, RunInfo, RunView
 
 
-class Run(RunView):
+class RunWriter(RunView):
     """Commits slot after slot; what ``commit`` returned from survives the death of the process."""
 
     def __init__(self, query: Query, database: Database, info: RunInfo) -> None:
@@ -32,7 +32,7 @@ class Run(RunView):
         self._roster_version = roster.version if roster else None
         self._homes = len(roster.homes) if roster else 0
 
-    def commit(self, record: SlotRecord, roster: Roster | None = None, totals: RunTotals | None = None) -> None:
+    def commit(self, record: SlotRecord, roster: RosterRecord | None = None, totals: RunTotals | None = None) -> None:
         """Store a settled slot, and the roster if it changed, in one transaction.
 
         Parameters
@@ -122,7 +122,7 @@ class Run(RunView):
             )
         return positions
 
-    def _checked_roster(self) -> Roster:
+    def _checked_roster(self) -> RosterRecord:
         """The roster in force; the last slot, from which the market is to go on, must fit it."""
         roster, last = self.roster(), self.last()
         if last is None or last.roster_version != roster.version:
@@ -135,7 +135,7 @@ class Run(RunView):
                 )
         return roster
 
-    def _follows(self, roster: Roster) -> tuple[int, int]:
+    def _follows(self, roster: RosterRecord) -> tuple[int, int]:
         if self._roster_version is not None and roster.version <= self._roster_version:
             raise JournalError(f"roster.version = {roster.version}: must be above {self._roster_version}")
         if len(roster.specs) != len(roster.homes) or len(set(roster.homes)) != len(roster.homes):

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from zengrid.core.state import Exogenous, Settlement
 from zengrid.errors import JournalError
-from zengrid.journal.columns import COLUMNS, COUNTS, FACILITY_ARRAYS, FIGURES, FLOAT, HOME_ARRAYS, stack
 from zengrid.journal.database import Row
+from zengrid.journal.slot_columns import COLUMNS, COUNTS, FACILITY_ARRAYS, FIGURES, FLOAT, HOME_ARRAYS, stack
 
 Floats = NDArray[np.float64]
 

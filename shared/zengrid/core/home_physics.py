@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from zengrid.core.params import Market
+from zengrid.core.params import MarketParams
 
 Floats = NDArray[np.float64]
 
 ZERO = np.zeros(())  # numpy takes an array much faster than a Python number
 
 
-def battery_range(soc: Floats, market: Market) -> tuple[Floats, Floats]:
+def battery_range(soc: Floats, market: MarketParams) -> tuple[Floats, Floats]:
     """Powers between which the batteries' power and energy limits leave a choice, ``(..., home)`` each. [kW]"""
     homes = market.homes
     upper = np.minimum((homes.soc_max - soc) * market.kw_per_soc_charged, homes.charge_max_kw)
@@ -21,7 +21,7 @@ def battery_range(soc: Floats, market: Market) -> tuple[Floats, Floats]:
 
 
 def battery_follow(
-    soc: Floats, command_kw: Floats, permitted: tuple[Floats, Floats], market: Market
+    soc: Floats, command_kw: Floats, permitted: tuple[Floats, Floats], market: MarketParams
 ) -> tuple[Floats, Floats]:
     """``battery_step`` where the range of powers is known already."""
     lower, upper = permitted
@@ -32,7 +32,7 @@ def battery_follow(
     return battery_kw, np.minimum(np.maximum(after, market.homes.soc_min), market.homes.soc_max)
 
 
-def battery_step(soc: Floats, command_kw: Floats, market: Market) -> tuple[Floats, Floats]:
+def battery_step(soc: Floats, command_kw: Floats, market: MarketParams) -> tuple[Floats, Floats]:
     """Follow a command as far as the battery's power and energy limits allow.
 
     ``dSoC = (e_c max(P, 0) - max(-P, 0) / e_d) dt / capacity`` (paper eq. 13, with efficiencies).
@@ -54,7 +54,7 @@ def battery_step(soc: Floats, command_kw: Floats, market: Market) -> tuple[Float
     return battery_follow(soc, command_kw, battery_range(soc, market), market)
 
 
-def meter(injection_kw: Floats, market: Market) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+def meter(injection_kw: Floats, market: MarketParams) -> tuple[Floats, Floats, Floats, Floats, Floats]:
     """Apply the limit of the grid connection (paper eq. 6).
 
     Returns ``(injection, export, import, curtailed, unserved)``, each ``(..., home)`` in kW, where
