@@ -1,1 +1,1 @@
-"""The market's physics and money: arrays in, arrays out; numpy only; no I/O, no clock, no globals."""
+"""The market's physics and money as pure functions on numpy arrays, without I/O or global state."""

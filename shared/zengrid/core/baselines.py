@@ -1,4 +1,4 @@
-"""The rule a market without demand response follows, and the fallback for agents that do not answer."""
+"""The conventional rule: baseline without demand response, and fallback for agents that do not answer."""
 
 from __future__ import annotations
 

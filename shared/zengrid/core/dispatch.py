@@ -1,4 +1,4 @@
-"""Which facility produces how much, and what that costs."""
+"""Dispatches generation facilities to cover demand, and computes their cost."""
 
 from __future__ import annotations
 
@@ -13,8 +13,7 @@ Floats = NDArray[np.float64]
 def dispatch(net_kw: Floats, market: MarketParams) -> tuple[Floats, Floats, Floats]:
     """Cover the net demand by the facilities in their order, each up to its maximum.
 
-    The first facility never runs below its minimum: what it then produces too much is curtailed. What all together
-    cannot produce is unserved.
+    The first facility never runs below its minimum; its surplus is curtailed. Demand beyond all maxima is unserved.
 
     Parameters
     ----------
@@ -33,8 +32,8 @@ def dispatch(net_kw: Floats, market: MarketParams) -> tuple[Floats, Floats, Floa
 
 
 def spread(value: Floats) -> Floats:
-    """What holds for a whole market, ``(...)``, ready to meet its homes or facilities, ``(..., home)``."""
-    # A number needs no axis, and numpy takes it in half the time of an array of one.
+    """Add an axis to a value of the market, ``(...)``, so that it broadcasts over homes or facilities."""
+    # A number broadcasts without an axis, and numpy computes with it in half the time.
     return value[..., None] if value.ndim else value
 
 

@@ -1,4 +1,4 @@
-"""One home: what its battery can do with a command, and what then crosses its meter."""
+"""Battery and meter of a home: power and energy limits of the battery, and the limit of the grid connection."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ ZERO = np.zeros(())  # numpy takes an array much faster than a Python number
 
 
 def battery_range(soc: Floats, market: MarketParams) -> tuple[Floats, Floats]:
-    """Powers between which the batteries' power and energy limits leave a choice, ``(..., home)`` each. [kW]"""
+    """Lowest and highest power that the batteries' power and energy limits allow, ``(..., home)`` each. [kW]"""
     homes = market.homes
     upper = np.minimum((homes.soc_max - soc) * market.kw_per_soc_charged, homes.charge_max_kw)
     lower = np.maximum((homes.soc_min - soc) * market.kw_per_soc_drawn, market.battery_min_kw)
@@ -23,10 +23,10 @@ def battery_range(soc: Floats, market: MarketParams) -> tuple[Floats, Floats]:
 def battery_follow(
     soc: Floats, command_kw: Floats, permitted: tuple[Floats, Floats], market: MarketParams
 ) -> tuple[Floats, Floats]:
-    """``battery_step`` where the range of powers is known already."""
+    """Do the same as ``battery_step`` with a range of powers that is already known."""
     lower, upper = permitted
     battery_kw = np.minimum(np.maximum(command_kw, lower), upper)
-    # Losses always leave less in the battery, so the smaller product is the one whose direction applies.
+    # Losses always leave less in the battery, so the smaller product belongs to the actual direction.
     after = soc + np.minimum(battery_kw * market.soc_per_kw_charged, battery_kw * market.soc_per_kw_drawn)
     # The limits hold in real numbers; this keeps the last bit of a float from crossing them.
     return battery_kw, np.minimum(np.maximum(after, market.homes.soc_min), market.homes.soc_max)
@@ -49,7 +49,7 @@ def battery_step(soc: Floats, command_kw: Floats, market: MarketParams) -> tuple
     Returns
     -------
     battery_kw, soc:
-        Power really taken [kW] and state of charge at the end of the slot [-], both ``(..., home)``.
+        Actual power [kW] and state of charge at the end of the slot [-], both ``(..., home)``.
     """
     return battery_follow(soc, command_kw, battery_range(soc, market), market)
 

@@ -1,4 +1,4 @@
-"""Dynamic programming over batteries' states of charge: what the rest of a known day costs at least, and what to do."""
+"""Dynamic programming over batteries' states of charge: least cost of the rest of a known day, and best command."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from zengrid.core.params import MarketParams
 Floats = NDArray[np.float64]
 
 SAME_SOC = 1e-7
-"""States of charge nearer than this are one. [-]"""
+"""States of charge closer than this count as equal. [-]"""
 
 HOLD_PRICE = 1e-9
-"""Price of holding a stored kWh for an hour: among equally cheap days it picks the one with the emptier battery.
+"""Price of holding a stored kWh for an hour: it makes the emptier of two equally cheap days the cheaper one.
 
-It is far below any price and far above rounding, so that results do not depend on the order of additions.
+It is far below any price and far above rounding, so results do not depend on the order of additions.
 [$/kWh/h]
 """
 
 FINE = 8
-"""How many times finer than the backward pass a decision looks where any power is permitted."""
+"""Factor by which a decision tries more levels than the backward pass if any power is allowed."""
 
 SHORTFALL_PRICE = 1e3
-"""Price of ending below a required state of charge: above everything energy can earn in a day. [$/kWh]"""
+"""Price of ending below a required state of charge: more than energy can earn in a day. [$/kWh]"""
 
 
 class Lattice:
@@ -54,17 +54,17 @@ class Lattice:
 
     @classmethod
     def closed(cls, market: MarketParams, commands_kw: Floats, soc: Floats, most: int) -> Lattice | None:
-        """All states that any sequence of the given commands can reach, or None where they are more than ``most``.
+        """All states that any sequence of the given commands can reach, or None if there are more than ``most``.
 
-        Lossless batteries with evenly spread levels reach few: three combs, which start from the given state and from
-        both limits. With losses almost every sequence ends somewhere else.
+        Lossless batteries with evenly spread levels reach few: three evenly spaced sets, which start from the given
+        state and from both limits. With losses almost every sequence ends at another state.
 
         Parameters
         ----------
         commands_kw:
             ``(level, home)``. [kW]
         soc:
-            Where each home starts, ``(home,)``. [-]
+            State of charge at which each home starts, ``(home,)``. [-]
         """
         homes = market.homes
         columns = []
@@ -83,13 +83,13 @@ class Lattice:
         return cls(np.stack([np.pad(column, (0, states - column.size), "edge") for column in columns], axis=1))
 
     def locate(self, soc: Floats) -> tuple[NDArray[np.intp], Floats | None]:
-        """Where states of charge ``(..., home)`` lie.
+        """Find the positions of states of charge ``(..., home)``.
 
         Returns
         -------
         below, share:
-            Flat position in ``(state, home)`` of the state at or below, and the share of the way to the next one;
-            None where all of them are states of the lattice.
+            Flat position in ``(state, home)`` of the state at or below, and the share of the way to the next one. The
+            share is None if all of them are states of the lattice.
         """
         rank = np.searchsorted(self._line, soc + 2.0 * self._column + SAME_SOC, side="right") - 1
         state = np.minimum(np.maximum(rank - self._column * self.states, 0), self.states - 1)
@@ -103,30 +103,30 @@ class Lattice:
 
 
 class CostToGo:
-    """The least that the rest of a known horizon costs each home, from every state and at every slot.
+    """Least cost of the rest of a known horizon for each home, from every state and at every slot.
 
     ``V_t(soc) = min over commands of bill_t(soc, command) + V_{t+1}(soc')``, linear between the states.
 
-    Where the lattice is closed under the commands (``Lattice.closed``), this is exact for them. On an even lattice,
-    interpolation makes it an approximation, never below the truth where costs are convex in the state of charge: where
-    the sell price is at least the buy price and the meter's limit is out of reach.
+    If the lattice is closed under the commands (``Lattice.closed``), this is exact for them. On an even lattice it is
+    interpolated and never below the true cost if costs are convex in the state of charge. They are if the sell price is
+    at least the buy price and the meter's limit cannot bind.
 
     Parameters
     ----------
     commands_kw:
-        Among which to choose, ``(level, home)``. [kW]
+        Commands to choose from, ``(level, home)``. [kW]
     any_power:
-        Whether other commands are permitted too. Then those at which a bill has its kinks are also tried (they bring
-        the meter to zero or to its limits, or the battery to the state required at the end), and ``decide`` tries
-        ``FINE`` times as many levels.
+        Whether other commands are allowed too. Then the commands at which the slope of the bill changes are also tried
+        (they bring the meter to zero or to its limits, or the battery to the state required at the end), and
+        ``decide`` tries ``FINE`` times as many levels.
     net_kw:
         PV less consumption, ``(slot, ..., home)``. [kW]
     buy_price, sell_price:
         ``(slot, ...)``. [$/kWh]
     end_soc:
-        Least state of charge at the end, ``(..., home)``; None leaves it free. [-]
+        Least state of charge at the end, ``(..., home)``; None: any. [-]
     hold_price:
-        Decides between equally cheap days: positive prefers the emptier battery. [$/kWh/h]
+        Chooses between equally cheap days: a positive one prefers the emptier battery. [$/kWh/h]
     """
 
     def __init__(
@@ -148,7 +148,7 @@ class CostToGo:
         self._end_soc = end_soc
         self._hold = hold_price * market.dt_h * market.homes.capacity_kwh
         self.lead = lead = np.broadcast_shapes(net_kw.shape[1:-1], buy_price.shape[1:], sell_price.shape[1:])
-        # Nothing follows the last slot; what its end costs is no matter of the lattice.
+        # Nothing follows the last slot: the cost of its end does not come from the lattice.
         self.value: list[Floats | None] = [None]
         """One ``(..., state, home)`` a slot [$], and None for the end."""
         fixed = [self._step(lattice.soc, command) for command in commands_kw]
@@ -173,7 +173,7 @@ class CostToGo:
 
         Returns
         -------
-        What the battery is to do, ``(..., home)``; of equally cheap commands the one that discharges most. [kW]
+        Command, ``(..., home)``; of equally cheap commands the one that discharges most. [kW]
         """
         at, net = soc[..., None, :], net_kw[..., None, :]
         commands = [np.broadcast_to(kink, (*soc.shape[:-1], 1, soc.shape[-1])) for kink in self._kinks(at, net)]
@@ -187,7 +187,7 @@ class CostToGo:
         return chosen
 
     def _kinks(self, soc: Floats, net_kw: Floats) -> list[Floats]:
-        """Commands at which the bill of a slot has its kinks. [kW]"""
+        """Commands at which the slope of a slot's bill changes. [kW]"""
         if not self.any_power:
             return []
         kinks = [net_kw]
@@ -209,7 +209,7 @@ class CostToGo:
         return _Step(battery_kw, after, *self.lattice.locate(after))
 
     def _cost(self, step: _Step, net_kw: Floats, buy: Floats, sell: Floats, value: Floats | None) -> Floats:
-        """Bill of the slot and cost of what follows, ``(..., state, home)``. [$]"""
+        """Bill of the slot and cost of the slots after it, ``(..., state, home)``. [$]"""
         _, export_kw, import_kw, _, _ = meter(net_kw - step.battery_kw, self.market)
         dt_h = self.market.dt_h
         # In this order the first sum seldom has leading axes, which makes it cheap.
@@ -230,7 +230,7 @@ class CostToGo:
 
 
 class _Step(NamedTuple):
-    """What a command does from some states: power really taken, state of charge after it, and where that lies."""
+    """Effect of a command from some states: actual power, state of charge after it, and its position."""
 
     battery_kw: Floats
     after: Floats
@@ -239,7 +239,7 @@ class _Step(NamedTuple):
 
 
 def refine(commands_kw: Floats, times: int) -> Floats:
-    """Levels ``(level, home)`` with each interval divided into so many. [kW]"""
+    """Divide each interval between levels ``(level, home)`` into ``times`` parts. [kW]"""
     share = np.arange(times)[:, None] / times
     between = commands_kw[:-1, None] * (1.0 - share) + commands_kw[1:, None] * share
     return np.concatenate([between.reshape(-1, commands_kw.shape[1]), commands_kw[-1:]])
@@ -256,7 +256,7 @@ def _pick(flat: Floats, index: NDArray[np.intp]) -> Floats:
 
 
 def _distinct(soc: Floats, known: Floats) -> Floats:
-    """Ascending, without repetitions and without what is already known (which is ascending)."""
+    """Sort, without repetitions and without states that are in ``known`` (ascending)."""
     soc = np.sort(soc)
     soc = soc[np.diff(soc, prepend=-1.0) > SAME_SOC]
     if not known.size:

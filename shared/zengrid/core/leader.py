@@ -18,20 +18,20 @@ Floats = NDArray[np.float64]
 Ties = Literal["emptiest", "for_grid", "against_grid"]
 
 TIE_PRICE = 1e-8
-"""Share of the grid's marginal cost that prosumers are given to feel where the grid's wishes break their ties. [-]"""
+"""Share of the grid's marginal cost that is added to prices to break prosumers' ties. [-]"""
 
 ENOUGH = 1e-7
-"""Least gain in profit for which a search goes on. [$]"""
+"""Smallest gain in profit for which a search continues. [$]"""
 
 
 class LeaderReference(NamedTuple):
-    """The best schedule found, and what it comes to; money and energy are means over the days.
+    """The best schedule found and its outcome; money and energy are means over the days.
 
     buy_price: ``(slot,)`` [$/kWh]
     profit: of the grid [$/day]
     bill: ``(home,)`` [$/day]
     reserve_kwh: from all facilities but the first [kWh/day]
-    schedules: how many were tried
+    schedules: number of schedules tried
     """
 
     buy_price: Floats
@@ -53,9 +53,9 @@ def settle_day(
     buy_price:
         ``(slot, ...)``. [$/kWh]
     command_kw:
-        ``(slot, ..., home)``; None plays the conventional rule. [kW]
+        ``(slot, ..., home)``; None applies the conventional rule. [kW]
     soc:
-        At the start, ``(..., home)``; None takes the homes' initial one. [-]
+        State of charge at the start, ``(..., home)``; None: the homes' initial one. [-]
     """
     state = market.homes.soc_initial if soc is None else soc
     settled = []
@@ -75,17 +75,17 @@ def respond(
     commands_kw: Floats | None = None,
     soc: Floats | None = None,
 ) -> Settlement:
-    """The day on which every prosumer plays its best response to a schedule.
+    """Settle the day on which every prosumer plays its best response to a schedule.
 
-    Prosumers often have many equally cheap days (buying and selling at one price, or charging sooner or later from the
-    same surplus), and the grid's profit may differ by more than a dollar between them. ``ties`` picks one:
+    Prosumers often have many equally cheap days: they can buy and sell at one price, or charge sooner or later from the
+    same surplus. The grid's profit may differ by more than a dollar between them. ``ties`` chooses one:
 
     ``emptiest``
-        the battery that holds least energy: it discharges as early and charges as late as is free of cost. It asks
-        nothing of the prosumers but their own bills, and is what the case study's figures use.
+        the battery holds the least energy: it discharges as early and charges as late as possible at no cost. This
+        depends on the prosumers' own bills alone. The figures of the case study use it.
     ``for_grid``, ``against_grid``
-        the optimistic and the pessimistic answer: the one that injects where the grid's marginal cost (on the
-        conventional day) is highest, or lowest. Linear in that cost, so neither is a strict bound over all ties.
+        the optimistic and the pessimistic response: homes export where the grid's marginal cost (on the conventional
+        day) is highest, or lowest. Both are linear in that cost, so neither is a strict bound over all ties.
     """
     if ties == "emptiest":
         answer = best_response(market, day.pv_kw, day.load_kw, buy_price, day.sell_price, soc, commands_kw=commands_kw)
@@ -98,7 +98,7 @@ def respond(
     for home in range(market.homes.count):
         one = slice(home, home + 1)
         alone = market.with_homes(market.homes.take([home]))
-        # What the grid saves by each kWh if this home discharges at full power instead of idling.
+        # The grid's saving for each kWh if this home discharges at full power instead of idling.
         idle_kw = total(day.consumer_kw) - total(settled.injection_kw) - settled.battery_kw[..., home]
         full_kw = max(float(market.homes.discharge_max_kw[home]), TIE_PRICE)
         saved = (_cost(market, idle_kw) - _cost(market, idle_kw - full_kw)) / (full_kw * market.dt_h) * sign
@@ -121,11 +121,11 @@ def leader_reference(
     neighbours: int = 512,
     patience: int = 3,
 ) -> LeaderReference:
-    """The most profitable price schedule that a search finds against best-responding prosumers.
+    """Search the most profitable price schedule against prosumers who play their best response.
 
-    A reference that the grid can reach, and no upper bound: finding the best schedule is a bilevel program. From the
-    best constant price, and then from random schedules, the search goes on to the best of many neighbours, in which one
-    interval of the day has another price, until some rounds in a row find no better one.
+    The grid can reach this reference, but it is no upper bound: finding the best schedule is a bilevel program. The
+    search starts from the best constant price, then from random schedules. In each round it moves to the best of many
+    neighbours, in which one interval of the day has another price, until ``patience`` rounds in a row find none better.
 
     Parameters
     ----------
@@ -134,43 +134,25 @@ def leader_reference(
     levels:
         Prices that the grid may set, ``(level,)``. [$/kWh]
     rng:
-        Draws neighbours and the schedules to restart from.
+        Draws neighbours and the schedules from which to restart.
     commands_kw:
-        The only commands prosumers have, ``(level, home)``; None gives them any power, and takes longer. [kW]
+        The only commands of prosumers, ``(level, home)``; None allows any power and takes longer. [kW]
     restarts:
         Number of searches.
     neighbours:
         Schedules tried in each round. A day of 24 slots and six levels has about 1,500 neighbours.
     patience:
-        Rounds without a gain that end a search.
+        Rounds without a gain after which a search ends.
     """
-    slots, tried = len(day.sell_price), 0
-    several = day.sell_price.ndim > 1
-    # Leading axes: candidate, and day where there are several.
-    wide = day.part((slice(None), None))
-
-    def profits(candidates: Floats) -> Floats:
-        nonlocal tried
-        tried += len(candidates)
-        prices = candidates.T[..., None] if several else candidates.T
-        profit: Floats = respond(market, wide, prices, ties, commands_kw).profit.sum(axis=0)
-        return np.mean(profit, axis=1) if several else profit
-
-    best, best_profit = np.full(slots, levels[0]), -np.inf
+    trials = _Trials(market, day, ties, commands_kw)
+    best, best_profit = np.full(trials.slots, levels[0]), -np.inf
     for search in range(restarts):
-        starts = np.repeat(levels[:, None], slots, axis=1) if search == 0 else _random_schedules(slots, levels, rng)
-        gains = profits(starts)
-        here, here_profit = starts[np.argmax(gains)], float(gains.max())
-        rounds = 0
-        while rounds < patience:
-            around = _neighbours(here, levels, neighbours, rng)
-            gains = profits(around)
-            rounds += 1
-            if gains.max() > here_profit + ENOUGH:
-                here, here_profit, rounds = around[np.argmax(gains)], float(gains.max()), 0
-        if here_profit > best_profit:
-            best, best_profit = here, here_profit
-    settled = respond(market, wide, best[:, None, None] if several else best[:, None], ties, commands_kw)
+        constant = np.repeat(levels[:, None], trials.slots, axis=1)
+        starts = constant if search == 0 else _random_schedules(trials.slots, levels, rng)
+        found, profit = _climb(trials, starts, levels, neighbours, patience, rng)
+        if profit > best_profit:
+            best, best_profit = found, profit
+    settled = trials.settle(best[None])
     over = tuple(range(1, settled.profit.ndim))
     reserve_kw = total(settled.facility_kw[..., 1:])
     return LeaderReference(
@@ -178,8 +160,47 @@ def leader_reference(
         profit=float(settled.profit.mean(axis=over).sum()),
         bill=settled.bill.mean(axis=over).sum(axis=0),
         reserve_kwh=float(reserve_kw.mean(axis=over).sum()) * market.dt_h,
-        schedules=tried,
+        schedules=trials.tried,
     )
+
+
+class _Trials:
+    """Settles the day, or the days, for candidate schedules ``(candidate, slot)`` and counts them."""
+
+    def __init__(self, market: MarketParams, day: Exogenous, ties: Ties, commands_kw: Floats | None) -> None:
+        self.slots = len(day.sell_price)
+        self.tried = 0
+        self._several = day.sell_price.ndim > 1
+        # Leading axes: candidate, and day where there are several.
+        self._day = day.part((slice(None), None))
+        self._market, self._ties, self._commands_kw = market, ties, commands_kw
+
+    def settle(self, candidates: Floats) -> Settlement:
+        """Every prosumer plays its best response, ``(slot, candidate, ...)``."""
+        prices = candidates.T[..., None] if self._several else candidates.T
+        return respond(self._market, self._day, prices, self._ties, self._commands_kw)
+
+    def profits(self, candidates: Floats) -> Floats:
+        """The grid's profit with each candidate, ``(candidate,)``, as mean over the days. [$/day]"""
+        self.tried += len(candidates)
+        profit: Floats = self.settle(candidates).profit.sum(axis=0)
+        return np.mean(profit, axis=1) if self._several else profit
+
+
+def _climb(
+    trials: _Trials, starts: Floats, levels: Floats, neighbours: int, patience: int, rng: np.random.Generator
+) -> tuple[Floats, float]:
+    """Go from the best start to better neighbours until ``patience`` rounds find none; returns schedule and profit."""
+    gains = trials.profits(starts)
+    here, profit = starts[np.argmax(gains)], float(gains.max())
+    rounds = 0
+    while rounds < patience:
+        around = _neighbours(here, levels, neighbours, rng)
+        gains = trials.profits(around)
+        rounds += 1
+        if gains.max() > profit + ENOUGH:
+            here, profit, rounds = around[np.argmax(gains)], float(gains.max()), 0
+    return here, profit
 
 
 def _neighbours(schedule: Floats, levels: Floats, count: int, rng: np.random.Generator) -> Floats:

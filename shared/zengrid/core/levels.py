@@ -1,4 +1,4 @@
-"""The battery commands among which learners, random players and lattice programs choose."""
+"""Battery commands that learners, random policies and lattice programs choose from."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What each agent may see (paper eq. 14-15), as vectors for learners and trained policies."""
+"""Observations of the agents (paper eq. 14-15), as vectors for learners and trained policies."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What does not change within a slot: the homes' batteries and meters, the generation facilities, the slot length."""
+"""Constant parameters of a market: the homes' batteries and meters, the generation facilities, the slot length."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ class Facilities:
 
 
 class MarketParams:
-    """Everything ``settle`` needs besides state, action and profiles, with what can be computed once kept ready.
+    """Everything that ``settle`` needs besides state, action and profiles, with values that are computed once.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ class MarketParams:
     dt_h:
         Length of one slot. [h]
     value_of_lost_load:
-        Price at which the grid is charged for demand its facilities cannot meet. [$/kWh]
+        Price that the grid is charged for demand that its facilities cannot meet. [$/kWh]
     """
 
     __slots__ = (
@@ -171,14 +171,14 @@ class MarketParams:
         self.value_of_lost_load = float(value_of_lost_load)
         self.battery_min_kw = -homes.discharge_max_kw
         self.injection_min_kw = -homes.injection_max_kw
-        # Over one slot: the power at the terminals that fills or empties a whole battery, and what one kW does to it.
+        # Over one slot: the power at the terminals that fills or empties a whole battery, and the effect of one kW.
         self.kw_per_soc_charged = homes.capacity_kwh / (homes.charge_efficiency * self.dt_h)
         self.kw_per_soc_drawn = homes.capacity_kwh * homes.discharge_efficiency / self.dt_h
         with np.errstate(divide="ignore"):
             self.soc_per_kw_charged = np.where(homes.capacity_kwh > 0.0, 1.0 / self.kw_per_soc_charged, 0.0)
             self.soc_per_kw_drawn = np.where(homes.capacity_kwh > 0.0, 1.0 / self.kw_per_soc_drawn, 0.0)
-        # Merit order: what all stages before this one can deliver, and what this one delivers at least and at most.
-        # The last stage is no facility: it stands for what nobody can produce.
+        # Merit order: the power that all stages before this one can deliver, and the least and most that this one does.
+        # The last stage is no facility: it stands for unserved demand.
         self.stage_before_kw = np.concatenate([[0.0], np.cumsum(facilities.p_max_kw)])
         self.stage_min_kw = np.concatenate([facilities.p_min_kw, [0.0]])
         self.stage_max_kw = np.concatenate([facilities.p_max_kw, [np.inf]])

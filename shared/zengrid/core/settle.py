@@ -1,4 +1,4 @@
-"""The keystone: one slot of the market, for one market or thousands side by side."""
+"""Settles one slot of the market, for one market or thousands side by side."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ Floats = NDArray[np.float64]
 
 
 def settle(soc: Floats, action: Action, exogenous: Exogenous, market: MarketParams) -> Settlement:
-    """Settle one slot (paper eq. 1-13, with the sign of eq. 12 mended: importing costs money).
+    """Settle one slot (paper eq. 1-13, with the sign of eq. 12 corrected: importing costs money).
 
-    Leading axes are free: none for the live market, ``(day,)`` for training. Every market along them is settled as if
-    it were alone, to the last bit: all sums run over the last axis of C-contiguous arrays, which numpy adds in an
+    Any leading axes are allowed: none for the live market, ``(day,)`` for training. Each market along them is settled
+    as if it were alone, bit for bit: all sums run over the last axis of C-contiguous arrays, which numpy adds in an
     order that does not depend on the leading axes.
 
     Parameters
@@ -36,27 +36,27 @@ def settle(soc: Floats, action: Action, exogenous: Exogenous, market: MarketPara
     Returns
     -------
     Settlement
-        With ``soc`` the state to continue from.
+        Its ``soc`` is the state of the next slot.
     """
     return conclude(prepare(soc, exogenous, market), action, market)
 
 
 class Prepared(NamedTuple):
-    """What is known of a slot before anybody acts."""
+    """The part of a slot that is known before the agents act."""
 
     soc: Floats
     permitted_kw: tuple[Floats, Floats]
-    """(..., home) powers between which each battery can follow a command"""
+    """(..., home) lowest and highest power that each battery can take [kW]"""
     surplus_kw: Floats
-    """(..., home) PV less load"""
+    """(..., home) PV less load [kW]"""
     consumer_kw: Floats
-    """(...) sum of the plain consumers"""
+    """(...) sum of the plain consumers [kW]"""
     sold: Floats
-    """(...) money for one kW over the whole slot [$/kW]"""
+    """(...) price of one kW over the whole slot [$/kW]"""
 
 
 def prepare(soc: Floats, exogenous: Exogenous, market: MarketParams) -> Prepared:
-    """The first part of ``settle``: a live market does it while it waits for its agents."""
+    """First part of ``settle``: a live market computes it while it waits for its agents."""
     return Prepared(
         soc,
         battery_range(soc, market),
@@ -67,7 +67,7 @@ def prepare(soc: Floats, exogenous: Exogenous, market: MarketParams) -> Prepared
 
 
 def conclude(prepared: Prepared, action: Action, market: MarketParams) -> Settlement:
-    """The second part of ``settle``."""
+    """Second part of ``settle``."""
     soc, permitted_kw, surplus_kw, consumer_kw, sold = prepared
     dt_h = market.dt_h
     bought = _number(action.buy_price) * dt_h

@@ -1,4 +1,4 @@
-"""What changes from slot to slot: stored energy, what everyone does, what the day brings, and what came of it."""
+"""Inputs and outcome of a slot: actions of the agents, PV, loads and tariff, and the settlement."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Floats = NDArray[np.float64]
 
 
 class Action(NamedTuple):
-    """What the agents decided for one slot.
+    """Decisions of the agents for one slot.
 
     buy_price: ``(...)`` price at which the grid buys exports. [$/kWh]
     battery_kw: ``(..., home)`` command to each battery, > 0 charges. [kW]
@@ -23,7 +23,7 @@ class Action(NamedTuple):
 
 
 class Exogenous(NamedTuple):
-    """What nobody decides: weather, needs and the posted tariff, as means over the slot.
+    """Inputs that no agent decides: PV, consumption and the posted tariff, as means over the slot.
 
     pv_kw, load_kw: ``(..., home)`` PV generation and consumption of each prosumer. [kW]
     consumer_kw: ``(..., consumer)`` consumption of each plain consumer. [kW]
@@ -36,11 +36,11 @@ class Exogenous(NamedTuple):
     sell_price: Floats
 
     def slot(self, index: int) -> Exogenous:
-        """One slot of a day: takes position ``index`` of the first axis."""
+        """One slot of a day: position ``index`` of the first axis."""
         return self.part(index)
 
     def part(self, index: Any) -> Exogenous:
-        """The same part of every column (numpy indexing rules); the first axes must be alike in all of them."""
+        """The same part of every column (numpy indexing rules); all columns must have the indexed axes."""
         return Exogenous(self.pv_kw[index], self.load_kw[index], self.consumer_kw[index], self.sell_price[index])
 
 
@@ -52,13 +52,13 @@ class Settlement(NamedTuple):
 
     @property
     def is_finite(self) -> bool:
-        """Whether every number of a single market is finite: the profit adds up all that is not in ``soc``."""
+        """Whether every number of a single market is finite: the profit depends on all that is not in ``soc``."""
         return math.isfinite(self.profit + np.add.reduce(self.soc, axis=None))
 
     soc: Floats
     """(..., home) state of charge at the end of the slot [-]"""
     battery_kw: Floats
-    """(..., home) what the battery really did, > 0 charges [kW]"""
+    """(..., home) actual power of the battery, > 0 charges [kW]"""
     injection_kw: Floats
     """(..., home) at the meter after its limits, > 0 exports [kW]"""
     home_export_kw: Floats
@@ -70,17 +70,17 @@ class Settlement(NamedTuple):
     home_unserved_kw: Floats
     """(..., home) import refused by the meter's limit [kW]"""
     payment: Floats
-    """(..., home) what the grid pays for the export, Omega [$]"""
+    """(..., home) payment of the grid for the export, Omega [$]"""
     bill: Floats
     """(..., home) cost of imports less payment for exports [$]"""
     consumer_payment: Floats
-    """(...) what the plain consumers pay [$]"""
+    """(...) payment of the plain consumers [$]"""
     export_kw: Floats
-    """(...) all that the homes export [kW]"""
+    """(...) sum of the homes' exports [kW]"""
     payments: Floats
-    """(...) all that the grid pays for it [$]"""
+    """(...) sum of the grid's payments for them [$]"""
     demand_kw: Floats
-    """(...) P_dm, all that the grid sells [kW]"""
+    """(...) P_dm, total demand that the grid sells to [kW]"""
     facility_kw: Floats
     """(..., facility) output of each facility [kW]"""
     facility_cost: Floats
@@ -90,7 +90,7 @@ class Settlement(NamedTuple):
     unserved_kw: Floats
     """(...) demand beyond all facilities [kW]"""
     revenue: Floats
-    """(...) what all customers pay the grid [$]"""
+    """(...) payments of all customers to the grid [$]"""
     lost_load_cost: Floats
     """(...) charge for unserved demand [$]"""
     profit: Floats

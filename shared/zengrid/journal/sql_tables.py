@@ -6,6 +6,7 @@ beforehand, into ``sqlite_statements.py``, by ``tools/make_sqlite_statements.py`
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from sqlalchemy import (
@@ -19,6 +20,7 @@ from sqlalchemy import (
     Integer,
     LargeBinary,
     MetaData,
+    Select,
     Table,
     Text,
     bindparam,
@@ -35,6 +37,9 @@ from sqlalchemy.sql.expression import ClauseElement
 
 from zengrid.journal.slot_columns import COLUMNS, COUNTS, FACILITY_ARRAYS, FIGURES, FLOAT, HOME_ARRAYS, MARKET_COLUMNS
 from zengrid.journal.statements import SCHEMA_VERSION, Statements
+
+Compile = Callable[..., str]
+"""Turns a statement and the names of its parameters, in order, into text."""
 
 METADATA = MetaData()
 
@@ -88,74 +93,74 @@ def statements(dialect: Dialect) -> Statements:
             raise ValueError(f"parameters in the order {order}, not {parameters}:\n{compiled}")
         return " ".join(str(compiled).split())
 
-    def cut(array: str, width: int) -> ColumnElement[Any]:
-        return func.substr(SLOT.c[array], bindparam(f"at_{array}", type_=Integer), literal_column(str(width)))
-
-    run_id: BindParameter[int] = bindparam("run_id")
-    of_run = SLOT.c.run_id == run_id
-    stretch = (of_run, SLOT.c.position >= bindparam("since"), SLOT.c.position < bindparam("until"))
-    last_position = select(func.max(SLOT.c.position))
-    cell = (*(cut(array, FLOAT.itemsize) for array in HOME_ARRAYS[:-1]), cut(HOME_ARRAYS[-1], 1))
     version: ColumnElement[int] = literal_column(str(SCHEMA_VERSION))
     unstamped = select(version).where(~select(JOURNAL.c.schema_version).exists())
     stamp = insert(JOURNAL).from_select(["schema_version"], unstamped)
-    begun: dict[str, BindParameter[Any]] = {
-        c.name: bindparam(c.name)
-        for c in RUN.c
-        if c.name in {"name", "scenario", "seed", "dt_h", "version", "started_at"}
-    }
-    last_of_each = last_position.where(SLOT.c.run_id == RUN.c.id).scalar_subquery()
-    slots = func.coalesce(last_of_each + literal_column("1"), literal_column("0"))
-    kept_from = select(RUN.c.kept_from).where(RUN.c.id == SLOT.c.run_id).scalar_subquery()
-    infos = (RUN.c.id, RUN.c.name, RUN.c.seed, RUN.c.dt_h, RUN.c.version, RUN.c.started_at, RUN.c.finished_at)
     return Statements(
         create=(*(text(CreateTable(table, if_not_exists=True)) for table in METADATA.sorted_tables), text(stamp)),
         schema_version=text(select(JOURNAL.c.schema_version)),
-        insert_run=text(
-            insert(RUN).values(begun).inline(),
-            "name", "scenario", "seed", "dt_h", "version", "started_at",
-        ),
-        finish_run=text(
-            update(RUN).where(RUN.c.id == run_id).values(finished_at=bindparam("finished_at")), "finished_at", "run_id"
-        ),
-        runs=text(
-            select(*infos, slots).order_by(RUN.c.id)
-        ),
-        scenario=text(select(RUN.c.scenario).where(RUN.c.id == run_id), "run_id"),
-        last_position=text(last_position.where(of_run), "run_id"),
-        count=text(select(func.count()).select_from(SLOT).where(of_run, SLOT.c.position >= kept_from), "run_id"),
-        first_position=text(
-            select(func.coalesce(func.min(SLOT.c.position), literal_column("0"))).where(of_run), "run_id"
-        ),
-        kept=text(select(RUN.c.kept_from, RUN.c.totals_until, RUN.c.totals).where(RUN.c.id == run_id), "run_id"),
-        keep_from=text(update(RUN).where(RUN.c.id == run_id).values(kept_from=bindparam("since")), "since", "run_id"),
-        write_totals=text(
-            update(RUN).where(RUN.c.id == run_id).values(totals_until=bindparam("until"), totals=bindparam("totals")),
-            "until", "totals", "run_id",
-        ),
-        delete_slots=text(delete(SLOT).where(*stretch), "run_id", "since", "until"),
-        delete_rosters=text(
-            delete(ROSTER).where(ROSTER.c.run_id == run_id, ROSTER.c.version < bindparam("version")),
-            "run_id", "version",
-        ),
-        insert_roster=text(insert(ROSTER), "run_id", "version", "position", "body"),
-        rosters=text(
-            select(ROSTER.c.version, ROSTER.c.position, ROSTER.c.body)
-            .where(ROSTER.c.run_id == run_id)
-            .order_by(ROSTER.c.version),
-            "run_id",
-        ),
-        insert_slot=text(insert(SLOT), "run_id", *COLUMNS),
-        slots=text(
-            select(*(SLOT.c[name] for name in COLUMNS)).where(*stretch).order_by(SLOT.c.position),
-            "run_id", "since", "until",
-        ),
-        market=text(
-            select(*(SLOT.c[name] for name in MARKET_COLUMNS)).where(*stretch).order_by(SLOT.c.position),
-            "run_id", "since", "until",
-        ),
-        home=text(
-            select(SLOT.c.position, SLOT.c.day, SLOT.c.slot, *cell).where(*stretch).order_by(SLOT.c.position),
-            *(f"at_{name}" for name in HOME_ARRAYS), "run_id", "since", "until",
-        ),
+        **_of_runs(text), **_of_rosters(text), **_of_slots(text),
     )  # fmt: skip
+
+
+def _of_runs(text: Compile) -> dict[str, str]:
+    """Statements about runs, by their names in ``Statements``."""
+    this = RUN.c.id == bindparam("run_id")
+    given = ("name", "scenario", "seed", "dt_h", "version", "started_at")
+    values: dict[str, BindParameter[Any]] = {name: bindparam(name) for name in given}
+    last_of_each = select(func.max(SLOT.c.position)).where(SLOT.c.run_id == RUN.c.id).scalar_subquery()
+    slots = func.coalesce(last_of_each + literal_column("1"), literal_column("0"))
+    infos = (RUN.c.id, RUN.c.name, RUN.c.seed, RUN.c.dt_h, RUN.c.version, RUN.c.started_at, RUN.c.finished_at)
+    sums: dict[str, BindParameter[Any]] = {"totals_until": bindparam("until"), "totals": bindparam("totals")}
+    return {
+        "insert_run": text(insert(RUN).values(values).inline(), *given),
+        "finish_run": text(
+            update(RUN).where(this).values(finished_at=bindparam("finished_at")), "finished_at", "run_id"
+        ),
+        "runs": text(select(*infos, slots).order_by(RUN.c.id)),
+        "scenario": text(select(RUN.c.scenario).where(this), "run_id"),
+        "kept": text(select(RUN.c.kept_from, RUN.c.totals_until, RUN.c.totals).where(this), "run_id"),
+        "keep_from": text(update(RUN).where(this).values(kept_from=bindparam("since")), "since", "run_id"),
+        "write_totals": text(update(RUN).where(this).values(sums), "until", "totals", "run_id"),
+    }
+
+
+def _of_rosters(text: Compile) -> dict[str, str]:
+    """Statements about rosters, by their names in ``Statements``."""
+    of_run = ROSTER.c.run_id == bindparam("run_id")
+    older = ROSTER.c.version < bindparam("version")
+    ordered = select(ROSTER.c.version, ROSTER.c.position, ROSTER.c.body).where(of_run).order_by(ROSTER.c.version)
+    return {
+        "delete_rosters": text(delete(ROSTER).where(of_run, older), "run_id", "version"),
+        "insert_roster": text(insert(ROSTER), "run_id", "version", "position", "body"),
+        "rosters": text(ordered, "run_id"),
+    }
+
+
+def _of_slots(text: Compile) -> dict[str, str]:
+    """Statements about slots, by their names in ``Statements``."""
+    of_run = SLOT.c.run_id == bindparam("run_id")
+    stretch = (of_run, SLOT.c.position >= bindparam("since"), SLOT.c.position < bindparam("until"))
+    kept_from = select(RUN.c.kept_from).where(RUN.c.id == SLOT.c.run_id).scalar_subquery()
+    first = func.coalesce(func.min(SLOT.c.position), literal_column("0"))
+
+    def read(*columns: ColumnElement[Any]) -> Select[Any]:
+        return select(*columns).where(*stretch).order_by(SLOT.c.position)
+
+    def cut(array: str, width: int) -> ColumnElement[Any]:
+        return func.substr(SLOT.c[array], bindparam(f"at_{array}", type_=Integer), literal_column(str(width)))
+
+    cells = (*(cut(array, FLOAT.itemsize) for array in HOME_ARRAYS[:-1]), cut(HOME_ARRAYS[-1], 1))
+    bounds = ("run_id", "since", "until")
+    return {
+        "last_position": text(select(func.max(SLOT.c.position)).where(of_run), "run_id"),
+        "count": text(select(func.count()).select_from(SLOT).where(of_run, SLOT.c.position >= kept_from), "run_id"),
+        "first_position": text(select(first).where(of_run), "run_id"),
+        "delete_slots": text(delete(SLOT).where(*stretch), *bounds),
+        "insert_slot": text(insert(SLOT), "run_id", *COLUMNS),
+        "slots": text(read(*(SLOT.c[name] for name in COLUMNS)), *bounds),
+        "market": text(read(*(SLOT.c[name] for name in MARKET_COLUMNS)), *bounds),
+        "home": text(
+            read(SLOT.c.position, SLOT.c.day, SLOT.c.slot, *cells), *(f"at_{name}" for name in HOME_ARRAYS), *bounds
+        ),
+    }

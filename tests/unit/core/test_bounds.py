@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from zengrid.core.baselines import conventional
-from zengrid.core.bounds import BestResponse, best_response, best_response_milp, optimality_gap
+from zengrid.core.bounds import BestResponse, best_response, optimality_gap
 from zengrid.core.leader import settle_day
 from zengrid.core.levels import level_commands
+from zengrid.core.milp import best_response_milp
 from zengrid.core.params import Facilities, Homes, MarketParams
 from zengrid.core.state import Exogenous
 from zengrid.scenario import Days, load

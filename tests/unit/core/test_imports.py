@@ -13,7 +13,7 @@ import zengrid.core
 FILES = sorted(Path(zengrid.core.__path__[0]).glob("*.py"))
 # Reference solutions need a mixed-integer solver, and load it when one is asked for.
 PERMITTED = {"numpy", "zengrid"} | set(sys.stdlib_module_names)
-INSIDE_FUNCTIONS = {"bounds": {"scipy"}}
+INSIDE_FUNCTIONS = {"milp": {"scipy"}}
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
