@@ -222,7 +222,7 @@ def test_a_database_that_stays_away_ends_the_clock_which_can_be_resumed(postgres
             assert clock.end(PATIENCE_S) == 1
             last = clock.output().splitlines()[-1]
             assert "given up after 1 s" in last
-            assert "can be committed again when this is mended" in last
+            assert "can be committed again when this is fixed" in last
             # While it is away nothing begins, and that is said, too.
             assert market.start_clock("--resume").end(PATIENCE_S) == 1
             assert "cannot be opened" in market.processes["clock"].output()

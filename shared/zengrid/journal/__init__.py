@@ -1,4 +1,4 @@
-"""What is settled, and the state to resume from."""
+"""The journal of settled slots, from which a market resumes."""
 
 from zengrid.journal.block import Block
 from zengrid.journal.journal import Journal

@@ -1,4 +1,4 @@
-"""Many slots at once, column by column."""
+"""Consecutive slots of a run, column by column."""
 
 from __future__ import annotations
 

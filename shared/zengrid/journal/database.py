@@ -1,4 +1,4 @@
-"""What the journal needs of a database: connections, transactions, and that a run has one writer only."""
+"""Interface between the journal and a database: connections, transactions, and one writer for each run."""
 
 from __future__ import annotations
 
@@ -35,57 +35,57 @@ class Writer(Protocol):
         """Carry out all steps in one transaction."""
 
     def close(self) -> None:
-        """Give the right back; what was not committed is undone."""
+        """Release the right; whatever was not committed is undone."""
 
 
 class Database(Protocol):
     """One kind of database at one place."""
 
     name: str
-    """for messages"""
+    """path or URL without password, for messages"""
     errors: tuple[type[Exception], ...]
-    """what its connections and writers raise"""
+    """exceptions that its connections and writers raise"""
     statements: Statements
     begin: str
     """begins a transaction that writes"""
     snapshot: str
-    """begins one that reads, and sees nothing that is written meanwhile"""
+    """begins a transaction that reads, and does not see later writes"""
     lasting: bool
-    """whether the connection made last, if kept, will see what others write"""
+    """whether the latest connection, if it is kept, will see what other processes write"""
 
     def connect(self) -> Connection:
         """Open a connection; reading through one never makes a writer wait."""
 
     def tables(self, connection: Connection) -> set[str]:
-        """Tables that a journal must not share its place with, and its own."""
+        """Names of the journal's tables, and of others with which it must not share the database."""
 
     def create(self, connection: Connection) -> None:
-        """Create the tables in one transaction, even if another process does the same at this moment."""
+        """Create the tables in one transaction; safe if another process does the same at this moment."""
 
     def writer(self, run_id: int, run_name: str) -> Writer:
         """Become the one writer of a run."""
 
     def check(self, connection: Connection) -> list[str]:
-        """What the database itself finds wrong with its pages; one line each."""
+        """Let the database check its pages; returns one line for each fault."""
 
     def alone(self, runs: Sequence[tuple[int, str]]) -> AbstractContextManager[None]:
-        """Keep the writers of these runs away, where they would have to wait for another process.
+        """Keep out the writers of these runs if they would have to wait for this process.
 
         Raises
         ------
         JournalError
-            One of them is there.
+            One of the runs has a writer.
         """
 
     def vacuum(self) -> None:
-        """Give the space of deleted slots back."""
+        """Return the space of deleted slots."""
 
     def size(self, connection: Connection) -> int:
-        """What the journal takes. [byte]"""
+        """Space that the journal takes. [byte]"""
 
 
 def transact(connection: Connection, begin: Sequence[str], steps: Sequence[Step]) -> None:
-    """Carry out several steps in one transaction; the connection is to be closed if that fails."""
+    """Carry out several steps in one transaction. If it fails, close the connection."""
     for sql in begin:
         connection.execute(sql)
     for sql, parameters in steps:

@@ -10,11 +10,11 @@ from zengrid.journal.slot_columns import COLUMNS
 from zengrid.journal.sql_tables import ROSTER, RUN, SLOT
 
 ROWS = 200
-"""Slots in memory at a time."""
+"""Slots held in memory at a time."""
 
 
 def copy_database(source: Connection, target: Database, progress: Callable[[int, int], None] | None) -> int:
-    """Copy all runs, rosters and slots that a transaction sees; returns the number of slots."""
+    """Copy all runs, rosters and slots that a transaction of ``source`` sees; returns the number of slots."""
     connection = target.connect()
     try:
         target.create(connection)
@@ -30,7 +30,7 @@ def copy_database(source: Connection, target: Database, progress: Callable[[int,
         total, done = sum(end - start for _, start, end in stretches), 0
         for run, start, end in stretches:
             for first in range(start, end, ROWS):
-                # Numbers from the database itself: no parameter style fits both kinds.
+                # The numbers come from the database itself, and no parameter style fits both kinds of databases.
                 stretch = f"run_id = {run:d} AND position >= {first:d} AND position < {first + ROWS:d}"
                 rows = source.execute(f"SELECT {', '.join(names)} FROM {SLOT.name} WHERE {stretch}").fetchall()
                 for row in rows:
@@ -39,7 +39,7 @@ def copy_database(source: Connection, target: Database, progress: Callable[[int,
                 if progress is not None:
                     progress(done, total)
         connection.execute("COMMIT")
-        # Into one file, and that onto the disk.
+        # Move the log into the file, and sync the file to disk.
         connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
         return done
     finally:

@@ -1,4 +1,4 @@
-"""A lock on a file, which the system gives back when its process dies."""
+"""A lock on a file that the operating system releases when its process dies."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ class FileLock:
 
     @classmethod
     def take(cls, path: Path, thing: str) -> Self:
-        """Take the lock, or say who has the thing it guards."""
+        """Take the lock, or raise an error that names the process that holds it."""
         while True:
             descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
             try:
                 fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                # The last owner may have removed the file between the two calls above: then another one counts.
+                # The last owner may have removed the file between the two calls above. Then try again with a new one.
                 if path.exists() and path.stat().st_ino == os.fstat(descriptor).st_ino:
-                    # Only for the message below: on a full disk the lock holds without it.
+                    # For the message below. The lock also holds without it, on a full disk.
                     with suppress(OSError):
                         os.ftruncate(descriptor, 0)
                         os.write(descriptor, str(os.getpid()).encode())
@@ -44,6 +44,6 @@ class FileLock:
             os.close(descriptor)
 
     def release(self) -> None:
-        """Give the lock back."""
+        """Release the lock."""
         self._path.unlink(missing_ok=True)
         os.close(self._descriptor)

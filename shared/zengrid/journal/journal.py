@@ -20,7 +20,7 @@ T = TypeVar("T")
 
 
 class Journal:
-    """Opened with ``Journal.open``; used in a ``with`` block, or closed. Any thread may read from it."""
+    """All runs in one database. Open it with ``Journal.open`` in a ``with`` block. Any thread may read from it."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
@@ -30,16 +30,16 @@ class Journal:
 
     @classmethod
     def open(cls, place: str | Path, *, durability: Durability = "normal", read_only: bool = False) -> Self:
-        """Open a journal, and create it where there is none.
+        """Open a journal, or create it if there is none.
 
         Parameters
         ----------
         place:
             Path of an SQLite file, ``sqlite:///path``, or ``postgresql://user:password@host/name``.
         durability:
-            What a commit survives: ``normal`` the death of the process, ``full`` a power cut as well.
+            ``normal``: a commit survives the death of the process; ``full``: also a power cut.
         read_only:
-            Only read, from a journal that exists; any number of readers never make its writer wait.
+            Only read, from a journal that exists. Readers never make the writer wait.
         """
         journal = cls(open_database(place, durability, read_only=read_only))
         try:
@@ -51,7 +51,7 @@ class Journal:
 
     @property
     def name(self) -> str:
-        """Where it is, for messages."""
+        """Path or URL, for messages."""
         return self._database.name
 
     def begin(self, name: str, scenario: str, *, seed: int, dt_h: float, version: str) -> RunWriter:
@@ -60,18 +60,16 @@ class Journal:
         Parameters
         ----------
         name:
-            Not yet used in this journal.
+            Must be new in this journal.
         scenario:
             The scenario file, as YAML.
         dt_h:
             Length of a slot. [h]
         version:
-            Of zengrid.
+            Version of zengrid.
         """
         if any(info.name == name for info in self.runs()):
-            raise JournalError(
-                f"journal {self.name}: there is a run {name!r} already; resume it, or choose another name"
-            )
+            raise JournalError(f"journal {self.name}: run {name!r} exists already; resume it, or choose another name")
         try:
             connection = self._database.connect()
             try:
@@ -84,10 +82,10 @@ class Journal:
         return self._write(self._info(name))
 
     def resume(self, which: str | int | None = None) -> RunWriter:
-        """Go on with an unfinished run, given by name or id; by default with the latest."""
+        """Continue an unfinished run, given by name or id; by default the latest."""
         info = self._info(which, unfinished=True)
         if info.finished_at is not None:
-            raise JournalError(f"journal {self.name}: run {info.name!r} is finished, there is nothing to resume")
+            raise JournalError(f"journal {self.name}: run {info.name!r} is finished and cannot be resumed")
         return self._write(info)
 
     def run(self, which: str | int | None = None) -> RunView:
@@ -112,18 +110,18 @@ class Journal:
                     return rows
                 except self._database.errors as error:
                     self._drop_reader()
-                    # A connection that was kept may have been lost since: another one tells.
+                    # A kept connection may have been lost meanwhile: try once more with a new one.
                     if not kept:
                         reason = " ".join(str(error).split())
                         raise JournalUnavailableError(f"journal {self.name} cannot be read: {reason}") from error
 
     @property
     def statements(self) -> Statements:
-        """The SQL of its database."""
+        """The SQL statements of its database."""
         return self._database.statements
 
     def write(self, steps: Sequence[Step]) -> None:
-        """Change what no clock writes, beside the clocks that are running; all steps or none."""
+        """Change rows that no clock writes, while clocks may be running. All steps or none take effect."""
         if not steps:
             return
         try:
@@ -136,19 +134,19 @@ class Journal:
             raise JournalError(f"journal {self.name} cannot be changed: {error}") from error
 
     def check(self) -> list[str]:
-        """What the database finds wrong with itself, below what the journal means; one line each."""
+        """Let the database check itself, without regard to the meaning of its rows; returns one line for each fault."""
         return self._ask(self._database.check)
 
     def size(self) -> int:
-        """What it takes on disk. [byte]"""
+        """Space that it takes on disk. [byte]"""
         return self._ask(self._database.size)
 
     def alone(self) -> AbstractContextManager[None]:
-        """For whoever writes without being a clock: refused while a clock writes to the same SQLite file."""
+        """Keep clocks out while another program writes; refused if a clock already writes to the same SQLite file."""
         return self._database.alone([(info.id, info.name) for info in self.runs()])
 
     def vacuum(self) -> None:
-        """Give the space of deleted slots back to the system."""
+        """Return the space of deleted slots to the operating system."""
         with self._reading:
             self._drop_reader()
         try:
@@ -159,7 +157,10 @@ class Journal:
     def copy_to(self, path: Path, progress: Callable[[int, int], None] | None = None) -> int:
         """Copy everything, as it is at this moment, into a new SQLite file; returns the number of slots.
 
-        Raises OSError where the file cannot be written.
+        Raises
+        ------
+        OSError
+            The file cannot be written.
         """
         from zengrid.journal.database_copy import copy_database
 
@@ -226,7 +227,7 @@ class Journal:
         return fitting[-1]
 
     def _check(self, read_only: bool) -> None:
-        """Make sure that this is a journal which this version can use."""
+        """Raise JournalError unless this is a journal that this version of zengrid can use."""
         try:
             self._reader = self._database.connect()
             tables = self._database.tables(self._reader)
@@ -244,6 +245,6 @@ class Journal:
         if versions != [SCHEMA_VERSION]:
             raise JournalError(
                 f"journal {self.name} has schema version {', '.join(map(str, versions)) or 'none'}; this zengrid needs "
-                f"{SCHEMA_VERSION}: go on with the zengrid that wrote it; or export it with that one (zengrid export) "
-                "and begin a new journal (--journal)"
+                f"{SCHEMA_VERSION}: use the zengrid that wrote it, or export it with that one (zengrid export) and "
+                "begin a new journal (--journal)"
             )

@@ -17,14 +17,14 @@ def open_database(place: str | Path, durability: Durability, *, read_only: bool)
         The URL is of another kind, or the file or directory does not exist.
     """
     if durability not in ("normal", "full"):
-        raise JournalError(f"durability = {durability!r}: permitted are 'normal' and 'full'")
+        raise JournalError(f"durability = {durability!r}: permitted: 'normal' or 'full'")
     text = str(place)
     scheme, separator, rest = text.partition("://")
     if not separator or scheme == "sqlite":
         # sqlite:///relative.db and sqlite:////absolute.db, as SQLAlchemy spells them.
         path = rest.removeprefix("/") if separator else text
         if path in ("", ":memory:"):
-            raise JournalError(f"journal = {text!r}: a journal outlives its process, so it must be a file")
+            raise JournalError(f"journal = {text!r}: must be a file, because a journal outlives its process")
         from zengrid.journal.sqlite import SqliteDatabase
 
         return SqliteDatabase(Path(path), durability, read_only=read_only)
@@ -32,4 +32,4 @@ def open_database(place: str | Path, durability: Durability, *, read_only: bool)
         from zengrid.journal.postgres import PostgresDatabase
 
         return PostgresDatabase(f"postgresql://{rest}", durability)
-    raise JournalError(f"journal = {scheme}://...: permitted are a path, sqlite:///path and postgresql://...")
+    raise JournalError(f"journal = {scheme}://...: permitted: a path, sqlite:///path or postgresql://...")

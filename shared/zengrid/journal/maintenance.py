@@ -1,4 +1,4 @@
-"""Keeps a journal fit for weeks: deletes old days, gives their space back, makes copies while the market runs."""
+"""Maintains a journal while its market runs: deletes old days and makes copies."""
 
 from __future__ import annotations
 
@@ -13,37 +13,38 @@ from zengrid.journal.journal import Journal
 from zengrid.journal.run_view import RunView
 
 CHUNK_VALUES = 100_000
-"""Slots deleted in one transaction: so many values of each array of homes. The market waits for no more than that."""
+"""Values of each array of homes that one transaction deletes: the market may have to wait for it."""
 CHUNK_SLOTS = 500
 
 
 @dataclass(frozen=True, slots=True)
 class Pruned:
-    """What was deleted of a run."""
+    """Result of pruning a run: number of slots and rosters deleted."""
 
     run: str
     kept_from: int
-    """first position that is kept"""
+    """position of the first slot that is kept"""
     slots: int
     rosters: int
 
 
 def prune(journal: Journal, run: RunView, keep_days: int, *, progress: Callable[[int], None] | None = None) -> Pruned:
-    """Delete all but the last days of a run, also while its clock, in the same process, writes it.
+    """Delete all but the last days of a run, even while its clock writes it in the same process.
 
-    Another process does so only with ``Journal.alone``.
-
-    What the deleted slots add up to is kept. Whatever interrupts this, the journal is sound, and the next call goes on.
+    Another process must hold ``Journal.alone``. The sums of the deleted slots are kept. If pruning is interrupted, the
+    journal stays sound, and the next call continues.
 
     Parameters
     ----------
     keep_days:
-        The last one, which may not be complete, counts; at least 1.
+        Number of days to keep, at least 1. The last day counts even if it is not complete.
     progress:
-        Told how many slots were deleted so far.
+        Called with the number of slots deleted so far.
     """
     if keep_days < 1:
-        raise JournalError(f"keep_days = {keep_days}: at least 1, the day from which the market goes on")
+        raise JournalError(
+            f"keep_days = {keep_days}: must be at least 1, because the market continues from the last day"
+        )
     last = run.last()
     if last is None:
         return Pruned(run.name, 0, 0, 0)
@@ -67,7 +68,7 @@ def prune(journal: Journal, run: RunView, keep_days: int, *, progress: Callable[
         deleted += end - start
         if progress is not None:
             progress(deleted)
-        # A running market has its turn, too.
+        # Leave a running market as much time as the deletion took.
         time.sleep(time.monotonic() - began)
     oldest = _version_at(run, kept_from)
     before = len(run.rosters())
@@ -82,10 +83,9 @@ def _version_at(run: RunView, position: int) -> int:
 
 
 def backup(journal: Journal, target: Path, *, progress: Callable[[int, int], None] | None = None) -> int:
-    """Copy a whole journal, as it is at this moment, into a new SQLite file; the market goes on meanwhile.
+    """Copy a whole journal, as it is at this moment, into a new SQLite file, while the market continues.
 
-    The copy is a journal like any other: it is read, verified, exported and resumed in the same way. Nothing is left
-    behind where this fails, or where what was copied does not pass ``audit``.
+    The copy is a journal like any other. If copying fails, or the copy does not pass ``audit``, no file is left.
 
     Returns
     -------
@@ -93,7 +93,7 @@ def backup(journal: Journal, target: Path, *, progress: Callable[[int, int], Non
         Slots copied.
     """
     if target.exists():
-        raise JournalError(f"back-up = {target}: exists already; give a new name")
+        raise JournalError(f"back-up = {target}: exists already; choose a new name")
     if not target.parent.is_dir():
         raise JournalError(f"back-up = {target}: there is no directory {target.parent}")
     part = target.with_name(f"{target.name}.part")
@@ -103,7 +103,9 @@ def backup(journal: Journal, target: Path, *, progress: Callable[[int, int], Non
         with Journal.open(part, read_only=True) as copy:
             wrong = copy.check() + [text for info in copy.runs() for text in audit(copy.run(info.id))]
         if wrong:
-            raise JournalError(f"back-up = {target}: the copy is not sound, nor is {journal.name} perhaps: {wrong[0]}")
+            raise JournalError(
+                f"back-up = {target}: the copy is damaged, and perhaps {journal.name} is too: {wrong[0]}"
+            )
         part.rename(target)
     except OSError as error:
         raise JournalError(f"back-up = {target}: {error}") from error

@@ -12,9 +12,9 @@ from zengrid.journal.slot_columns import HOME_ARRAYS
 
 CONNECT_TIMEOUT_S = 10
 KEEPALIVE = {"keepalives_idle": 10, "keepalives_interval": 5, "keepalives_count": 3}
-"""When either side gives the other up that says nothing [s], [s]. Systems wait for hours, and the lock with them."""
+"""When either side closes a silent connection [s], [s]. By default systems wait for hours, and so would the lock."""
 SILENT_MS = 25_000
-"""The same where something was sent that is not acknowledged."""
+"""The same if data was sent and not acknowledged. [ms]"""
 LOCK_SPACE = 0x7A656E67
 """First key of the advisory locks ("zeng"); the second is the run, and 0 while tables are created."""
 
@@ -68,12 +68,12 @@ class PostgresDatabase:
     def create(self, connection: Connection) -> None:
         """Create the tables; a second process waits for the first."""
         lock = f"SELECT pg_advisory_xact_lock({LOCK_SPACE}, 0)"
-        # The server would try to compress what cannot be compressed: at 10,000 homes that is most of a commit's time.
+        # The server would try to compress arrays that cannot be compressed: most of a commit's time at 10,000 homes.
         plain = [f"ALTER TABLE zengrid_slot ALTER COLUMN {name} SET STORAGE EXTERNAL" for name in HOME_ARRAYS]
         transact(connection, [self.begin, lock], [(sql, ()) for sql in (*self.statements.create, *plain)])
 
     def writer(self, run_id: int, run_name: str) -> PostgresWriter:
-        """Become the one writer of a run: the server gives the lock back when the connection ends."""
+        """Become the one writer of a run; the server releases the lock when the connection ends."""
         connection = self.connect()
         got = connection.execute("SELECT pg_try_advisory_lock(%s, %s)", (LOCK_SPACE, run_id)).fetchone()
         if got != (True,):
@@ -84,15 +84,15 @@ class PostgresDatabase:
         return PostgresWriter(connection)
 
     def check(self, connection: Connection) -> list[str]:
-        """A server looks after its own pages (``pg_amcheck`` asks it)."""
+        """Nothing: a server checks its own pages (with ``pg_amcheck``)."""
         return []
 
     def alone(self, runs: Sequence[tuple[int, str]]) -> AbstractContextManager[None]:
-        """The server keeps writers apart."""
+        """Nothing: writers of a server do not wait for each other."""
         return nullcontext()
 
     def vacuum(self) -> None:
-        """Have the server use the space again; it makes no writer wait."""
+        """Let the server reuse the space; no writer waits for it."""
         connection = self.connect()
         try:
             connection.execute("VACUUM zengrid_slot, zengrid_roster, zengrid_run")
@@ -120,5 +120,5 @@ class PostgresWriter:
             transact(self._connection, ["BEGIN"], steps)
 
     def close(self) -> None:
-        """Give the right back; what was not committed is undone."""
+        """Release the right; whatever was not committed is undone."""
         self._connection.close()

@@ -1,4 +1,4 @@
-"""Whose the arrays of homes are."""
+"""The homes and agents that the arrays of a slot belong to."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from zengrid.errors import JournalError
 
 @dataclass(frozen=True, slots=True)
 class RosterRecord:
-    """Who the arrays belong to. A new version counts from the slot it is committed with.
+    """The homes and agents of the slots from one position on. A new version holds from the slot it is committed with.
 
     Parameters
     ----------
     version:
-        Grows with every change.
+        Increases with every change.
     homes:
         Ids of the homes, in the order of the arrays.
     specs:
-        Each home as its scenario describes it, in the same order; anything JSON can hold.
+        Each home as its scenario describes it, in the same order, as JSON can hold it.
     agents:
-        ``(id, its homes, instance of the process that speaks for it or None)``.
+        ``(id, its homes, instance of the process that acts for it or None)``.
     """
 
     version: int
@@ -33,13 +33,13 @@ class RosterRecord:
     agents: tuple[tuple[str, tuple[str, ...], str | None], ...]
 
     def encode(self) -> bytes:
-        """As the journal stores it: compressed JSON, since 10,000 homes differ in little."""
+        """Write as the journal stores it: JSON, compressed because most homes differ little."""
         body = {"homes": self.homes, "specs": self.specs, "agents": self.agents}
         return zlib.compress(json.dumps(body, separators=(",", ":")).encode(), level=1)
 
     @classmethod
     def decode(cls, version: int, data: bytes) -> Self:
-        """The inverse of ``encode``."""
+        """Read what ``encode`` wrote."""
         try:
             body = json.loads(zlib.decompress(data))
             agents = tuple((name, tuple(homes), instance) for name, homes, instance in body["agents"])

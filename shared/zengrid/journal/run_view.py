@@ -1,4 +1,4 @@
-"""A run of the journal as its readers see it."""
+"""A run of the journal for its readers."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ Query = Callable[[str, Row], list[Row]]
 
 BLOCK_SLOTS = 4096
 BLOCK_VALUES = 250_000
-"""Largest block: so many slots, and so many values in each array of homes."""
+"""Most slots of a block, and most values in each of its arrays of homes."""
 UNLIMITED = 2**31 - 1
 
 
 @dataclass(frozen=True, slots=True)
 class RunInfo:
-    """What the journal knows about a run."""
+    """Properties of a run."""
 
     id: int
     name: str
@@ -48,12 +48,12 @@ class RunInfo:
 
     @property
     def slots_per_day(self) -> int:
-        """Position = day x slots of a day + slot."""
+        """Slots of a day: position = day x slots_per_day + slot."""
         return round(24.0 / self.dt_h)
 
 
 class RunView:
-    """Reads one run, also while another process writes it."""
+    """Reads one run, even while another process writes it."""
 
     def __init__(self, query: Query, statements: Statements, info: RunInfo) -> None:
         self._query = query
@@ -63,7 +63,7 @@ class RunView:
         self._rosters: dict[int, tuple[int, RosterRecord]] = {}
 
     def scenario(self) -> str:
-        """The scenario file the run began with, as YAML."""
+        """The scenario of the run, as YAML."""
         return str(self._query(self._sql.scenario, (self.id,))[0][0])
 
     def count(self) -> int:
@@ -72,7 +72,7 @@ class RunView:
         return 0 if last is None else int(last) + 1
 
     def kept_from(self) -> int:
-        """Position of the first slot that is kept: those before it were pruned."""
+        """Position of the first slot that was not pruned."""
         return int(self._query(self._sql.kept, (self.id,))[0][0])
 
     def totals(self, until: int | None = None, known: RunTotals | None = None) -> RunTotals:
@@ -102,20 +102,20 @@ class RunView:
         return totals
 
     def last(self) -> SlotRecord | None:
-        """The slot settled last: the state to resume from."""
+        """The last settled slot, which is the state to resume from."""
         count = self.count()
         return self.records(count - 1)[0] if count else None
 
     def records(self, since: int = 0, until: int | None = None, limit: int = 1000) -> list[SlotRecord]:
-        """Settled slots from position ``since`` up to, without, ``until``, and ``limit`` at most."""
+        """Settled slots from position ``since`` to before ``until``, at most ``limit``."""
         first = max(since, self.kept_from())
         end = min(UNLIMITED if until is None else until, first + limit)
         return [SlotRecord.decode(row) for row in self._query(self._sql.slots, (self.id, first, end))]
 
     def blocks(self, since: int = 0, until: int | None = None, *, homes: bool = True) -> Iterator[Block]:
-        """The same, column by column in blocks of bounded size, each under one roster.
+        """Settled slots in blocks of bounded size, each under one roster.
 
-        Without ``homes`` the arrays of homes are left out, and are not read either.
+        Without ``homes`` the arrays of homes are neither read nor returned.
         """
         names, sql = (COLUMNS, self._sql.slots) if homes else (MARKET_COLUMNS, self._sql.market)
         end = self.count() if until is None else min(until, self.count())
@@ -136,7 +136,7 @@ class RunView:
                 yield block
 
     def home(self, home: str, since: int = 0, until: int | None = None) -> dict[str, NDArray[Any]]:
-        """History of one home, cut out of the arrays: position, day, slot and its columns, each ``(slot,)``."""
+        """History of one home: position, day, slot and its values in the arrays of homes, each ``(slot,)``."""
         rosters = self.rosters()
         if not any(home in roster.homes for _, roster in rosters):
             raise JournalError(f"run {self.name!r}: home {home!r} never took part")
@@ -156,20 +156,20 @@ class RunView:
         }
 
     def days(self, first: int = 0, until: int | None = None) -> range:
-        """Positions of the slots of the days from ``first`` up to, without, ``until``."""
+        """Positions of the slots from day ``first`` to before day ``until``."""
         each, count = self.info.slots_per_day, self.count()
         end = count if until is None else min(until * each, count)
         return range(max(first * each, self.kept_from()), end)
 
     def rosters(self) -> list[tuple[int, RosterRecord]]:
-        """Every roster with the position it counts from, in order."""
+        """Every roster with the position of its first slot, in order."""
         for version, position, body in self._query(self._sql.rosters, (self.id,)):
             if version not in self._rosters:
                 self._rosters[version] = (position, RosterRecord.decode(version, body))
         return list(self._rosters.values())
 
     def roster(self, version: int | None = None) -> RosterRecord:
-        """One roster, or the one in force."""
+        """The roster of a version, or the one in force."""
         if version is None or version not in self._rosters:
             self.rosters()
         try:

@@ -1,4 +1,4 @@
-"""A run of the journal as its one writer, the clock, sees it."""
+"""A run of the journal for its one writer, the clock."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from zengrid.journal.totals import RunTotals
 
 
 class RunWriter(RunView):
-    """Commits slot after slot; what ``commit`` returned from survives the death of the process."""
+    """Commits slot after slot. Once ``commit`` returns, the slot survives the death of the process."""
 
     def __init__(self, query: Query, database: Database, info: RunInfo) -> None:
         super().__init__(query, database.statements, info)
@@ -43,17 +43,17 @@ class RunWriter(RunView):
         Raises
         ------
         JournalUnavailableError
-            The database refused it, is away, or lets another process write this run. The same record can be committed
-            again once the cause is mended, also where the database has stored it without being able to say so.
+            The database refused the slot, is not reachable, or lets another process write this run. The same record can
+            be committed again once the cause is fixed, even if the database stored it and could not confirm.
         JournalError
-            The slot does not follow the last one or does not fit its roster.
+            The slot does not follow the last one, or does not fit its roster.
         """
         if record.position != self.position:
-            raise JournalError(f"position = {record.position}: run {self.name!r} goes on at position {self.position}")
+            raise JournalError(f"position = {record.position}: run {self.name!r} continues at position {self.position}")
         if record.day * self._slots_per_day + record.slot != self.position:
             raise JournalError(
-                f"day = {record.day}, slot = {record.slot}: position {self.position} of a run with "
-                f"{self._slots_per_day} slots a day is another"
+                f"day = {record.day}, slot = {record.slot}: position {self.position} is day "
+                f"{self.position // self._slots_per_day}, slot {self.position % self._slots_per_day}"
             )
         version, homes = self._follows(roster) if roster is not None else (self._roster_version, self._homes)
         if record.roster_version != version:
@@ -63,11 +63,11 @@ class RunWriter(RunView):
         if roster is not None:
             steps.insert(0, (self._sql.insert_roster, (self.id, roster.version, record.position, roster.encode())))
         if totals is not None and self.position:
-            # Last but one: what a writer counts is the slot, which comes last.
+            # Before the slot: a writer counts the bytes of the last step.
             steps.insert(0, (self._sql.write_totals, (self.position, totals.encode(), self.id)))
         try:
-            # After an attempt that failed it can be unknown whether the database has the slot (the connection broke
-            # before the answer). It is looked for under the lock: until then the lost connection may still commit.
+            # After a failed attempt the database may hold the slot (the connection broke before the answer). Look for
+            # it under the lock: without the lock, the lost connection may still commit.
             again = self._writer is None
             writer = self._open()
             if not (again and self._stored(row)):
@@ -77,17 +77,17 @@ class RunWriter(RunView):
             if isinstance(error, (*self._database.errors, JournalUnavailableError)):
                 raise JournalUnavailableError(
                     f"journal {self._database.name}: slot {record.slot} of day {record.day} is not settled, and can be "
-                    f"committed again when this is mended: {' '.join(str(error).split())}"
+                    f"committed again when this is fixed: {' '.join(str(error).split())}"
                 ) from error
             raise
         self.position += 1
         self._roster_version, self._homes = version, homes
         if roster is not None:
-            # Whoever asks for the last slot must not depend on a database that may be away by then.
+            # So that the last slot can be read even if the database is not reachable.
             self._rosters[roster.version] = (record.position, roster)
 
     def finish(self) -> None:
-        """The run is complete: it cannot be resumed, and its right to write is given back."""
+        """Mark the run as complete, so that it cannot be resumed, and release the right to write."""
         try:
             self._open().commit([(self._sql.finish_run, (time.time(), self.id))])
         except self._database.errors as error:
@@ -96,12 +96,12 @@ class RunWriter(RunView):
         self.close()
 
     def close(self) -> None:
-        """Give the right to write back; the run can be resumed."""
+        """Release the right to write; the run can be resumed."""
         self._closed = True
         self._release()
 
     def _open(self) -> Writer:
-        """The writer; after a failed commit another one."""
+        """Return the writer; after a failed commit a new one."""
         if self._writer is None:
             if self._closed:
                 raise JournalError(f"run {self.name!r} is closed: resume it to write to it")
@@ -123,7 +123,7 @@ class RunWriter(RunView):
         return positions
 
     def _checked_roster(self) -> RosterRecord:
-        """The roster in force; the last slot, from which the market is to go on, must fit it."""
+        """Return the roster in force; raises JournalError if the last slot does not fit it."""
         roster, last = self.roster(), self.last()
         if last is None or last.roster_version != roster.version:
             raise JournalError(f"journal {self._database.name} is damaged: run {self.name!r} ends under another roster")
@@ -145,8 +145,8 @@ class RunWriter(RunView):
         return roster.version, len(roster.homes)
 
     def _stored(self, row: Row) -> bool:
-        """Whether an attempt that seemed to fail had reached the database."""
+        """Whether the database holds the slot of an attempt that seemed to fail."""
         found = self._query(self._sql.slots, (self.id, self.position, self.position + 1))
         if found and tuple(found[0]) != row:
-            raise JournalError(f"run {self.name!r}: position {self.position} was settled otherwise by another writer")
+            raise JournalError(f"run {self.name!r}: another writer settled position {self.position} differently")
         return bool(found)

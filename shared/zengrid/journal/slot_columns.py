@@ -1,4 +1,4 @@
-"""The columns of a slot's row, and how arrays stand in them."""
+"""Columns of a slot's row, and how arrays are stored in them."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from zengrid.errors import JournalError
 
-# Columns of the journal, in the order of its rows. Figures come before arrays: a query for figures alone then never
-# touches the pages that the arrays of many homes overflow into.
+# Columns of the journal, in the order of its rows. Figures come before arrays, so a query for figures alone never reads
+# the overflow pages that hold the arrays of many homes.
 COUNTS = ("position", "day", "slot", "roster_version", "grid_fallback")
 FIGURES = (
     "settled_at", "buy_price", "sell_price", "demand_kw", "export_kw", "consumer_kw", "revenue", "payments", "profit",
@@ -25,14 +25,14 @@ HOME_ARRAYS = (
 MARKET_COLUMNS = (*COUNTS, *FIGURES, *FACILITY_ARRAYS)
 COLUMNS = (*MARKET_COLUMNS, *HOME_ARRAYS)
 FLOAT = np.dtype("<f8")
-"""Every array but fallback, which is one byte a home."""
+"""Type of every array except fallback, which holds one byte a home."""
 
 
 def stack(column: str, cells: Sequence[bytes]) -> NDArray[Any]:
-    """Arrays of equal length as one of shape ``(slot, ...)``."""
+    """Combine the arrays of several slots, which must have equal length, into one ``(slot, ...)``."""
     width = len(cells[0])
     if any(len(cell) != width for cell in cells):
-        raise JournalError(f"the journal is damaged: {column} changes its length under one roster")
+        raise JournalError(f"the journal is damaged: {column} changes its length within one roster")
     try:
         if column == "fallback":
             return np.frombuffer(b"".join(cells), np.uint8).reshape(len(cells), width).astype(np.bool_)

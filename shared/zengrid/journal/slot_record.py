@@ -1,4 +1,4 @@
-"""One settled slot, and with it the state to resume from."""
+"""One settled slot, which is also the state to resume from."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ Floats = NDArray[np.float64]
 _FIGURES = len(COUNTS)
 _FACILITIES = _FIGURES + len(FIGURES)
 _HOMES = _FACILITIES + len(FACILITY_ARRAYS)
-"""Where the kinds of columns begin."""
+"""Positions at which figures, arrays of facilities and arrays of homes begin."""
 
 
 class BaselineSlot(NamedTuple):
-    """What is kept of a slot without demand response; names and shapes are those of ``Settlement``."""
+    """The part of a slot without demand response that is kept; names and shapes are those of ``Settlement``."""
 
     soc: Floats
     bill: Floats
@@ -30,10 +30,11 @@ class BaselineSlot(NamedTuple):
 
 
 class SlotRecord(NamedTuple):
-    """What the clock settled for one slot, in the order of the journal's columns.
+    """A settled slot, in the order of the journal's columns.
 
     Powers are means over the slot [kW], money is for the whole slot [$]; signs and names are those of
-    ``zengrid.core.state.Settlement``. What is called conventional belongs to the baseline without demand response.
+    ``zengrid.core.state.Settlement``. Names that begin with ``baseline_`` belong to the market
+    without demand response.
     """
 
     position: int
@@ -42,7 +43,7 @@ class SlotRecord(NamedTuple):
     slot: int
     roster_version: int
     grid_fallback: bool
-    """the grid agent did not answer: its last price was kept"""
+    """the grid agent did not answer, so its last price was kept"""
     settled_at: float
     """Unix time [s]"""
     buy_price: float
@@ -56,7 +57,7 @@ class SlotRecord(NamedTuple):
     """sum of the plain consumers"""
     revenue: float
     payments: float
-    """sum over the homes of what the grid pays for exports"""
+    """sum over the homes of the grid's payments for exports"""
     profit: float
     lost_load_cost: float
     curtailed_kw: float
@@ -89,7 +90,7 @@ class SlotRecord(NamedTuple):
     baseline_bill: Floats
     """(home,)"""
     fallback: NDArray[np.bool_]
-    """(home,) its agent did not answer: the conventional rule was used"""
+    """(home,) its agent did not answer, so the conventional rule was used"""
 
     @classmethod
     def of(
@@ -106,7 +107,7 @@ class SlotRecord(NamedTuple):
         grid_fallback: bool,
         roster_version: int,
     ) -> Self:
-        """Put together what the core settled, for the market and for its conventional baseline."""
+        """Combine what the core settled for the market and for its baseline."""
         return cls(
             position=position,
             day=day,
@@ -143,7 +144,7 @@ class SlotRecord(NamedTuple):
         )
 
     def encode(self, homes: int) -> Row:
-        """The row of this record; every array of homes must hold ``homes`` values."""
+        """Return the row of this record; raises JournalError unless every array of homes has ``homes`` values."""
         cells: tuple[Any, ...] = self
         for name, array in zip(HOME_ARRAYS, cells[_HOMES:], strict=True):
             if array.shape != (homes,):
@@ -157,7 +158,7 @@ class SlotRecord(NamedTuple):
 
     @classmethod
     def decode(cls, row: Row) -> Self:
-        """The inverse of ``encode``."""
+        """Read what ``encode`` wrote."""
         values = dict(zip(COLUMNS, row, strict=True))
         for name in (*FACILITY_ARRAYS, *HOME_ARRAYS):
             values[name] = stack(name, [values[name]])[0]

@@ -1,4 +1,4 @@
-"""The journal in an SQLite file: write-ahead log, one writer a run, checkpoints beside the market."""
+"""The journal in an SQLite file, with a write-ahead log, one writer a run, and checkpoints in a thread."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from zengrid.journal.slot_columns import COUNTS, FIGURES
 from zengrid.journal.sqlite_statements import SQLITE
 
 BUSY_S = 5.0
-"""How long to wait for another run that is writing to the same file."""
+"""How long to wait for another run that writes to the same file. [s]"""
 _ARRAYS = 1 + len(COUNTS) + len(FIGURES)
-"""Where the arrays of a slot begin, after its run, counts and figures."""
+"""Position in a slot's row at which its arrays begin, after its run, counts and figures."""
 CHECKPOINT_BYTES = 8 * 2**20
-"""After how much new log it is copied into the database."""
+"""Size of new log after which it is copied into the database. [byte]"""
 LOG_PAGES_MAX = 16_384
-"""Length of the log (64 MiB) at which the writer makes it start again from the front."""
+"""Length of the log (64 MiB) at which the writer itself copies it and starts it again."""
 
 
 class SqliteDatabase:
-    """One file. It survives a killed process with every commit; a power cut only with durability ``full``."""
+    """One file. Commits survive a killed process; a power cut only with durability ``full``."""
 
     errors: tuple[type[Exception], ...] = (sqlite3.Error, OSError)
     statements = SQLITE
@@ -48,18 +48,18 @@ class SqliteDatabase:
 
     def connect(self) -> sqlite3.Connection:
         """Open the file; the first connection of a writer creates it."""
-        # Reading beside a log needs an index file; where none can be made, and there is no log, the file is whole.
+        # Reading beside a log needs an index file. If none can be created and there is no log, the file is complete.
         may_index = self._mode != "ro" or os.access(self._path.parent, os.W_OK)
         self.lasting = may_index or Path(f"{self._path}-wal").exists()
         uri = f"{self._path.as_uri()}?mode={self._mode}{'' if self.lasting else '&immutable=1'}"
-        # Each connection is used by one thread at a time: whoever holds it sees to that.
+        # Its holder must make sure that one thread at a time uses the connection.
         connection = sqlite3.connect(uri, uri=True, timeout=BUSY_S, isolation_level=None, check_same_thread=False)
         connection.execute(f"PRAGMA synchronous={self._synchronous}")
         self._mode = self._mode.removesuffix("c")
         return connection
 
     def check_present(self) -> None:
-        """SQLite goes on writing to a file that was deleted or replaced, where nobody would ever find it."""
+        """Raise OSError if the file was deleted or replaced: SQLite would keep writing to the old one."""
         found = os.stat(self._file).st_ino  # noqa: PTH116 - for every slot, and a third of the time of Path.stat
         if self._inode is None:
             self._inode = found
@@ -87,13 +87,13 @@ class SqliteDatabase:
             raise
 
     def check(self, connection: Connection) -> list[str]:
-        """What SQLite finds wrong with its pages."""
+        """Let SQLite check its pages; returns one line for each fault."""
         found = [str(text) for (text,) in connection.execute("PRAGMA quick_check(20)").fetchall()]
         return [] if found == ["ok"] else found
 
     @contextmanager
     def alone(self, runs: Sequence[tuple[int, str]]) -> Iterator[None]:
-        """Keep clocks from writing: one would have to wait for each transaction of another process."""
+        """Keep clocks out: they would have to wait for each transaction of this process."""
         with ExitStack() as stack:
             for run_id, run_name in runs:
                 lock = FileLock.take(Path(f"{self._path}-run{run_id}.lock"), f"journal {self.name}: run {run_name!r}")
@@ -101,7 +101,7 @@ class SqliteDatabase:
             yield
 
     def vacuum(self) -> None:
-        """Write the file anew without its gaps."""
+        """Rewrite the file without gaps."""
         connection = self.connect()
         try:
             connection.execute("VACUUM")
@@ -137,17 +137,17 @@ class SqliteWriter:
         self._checkpointer.wrote(sum(map(len, steps[-1][1][_ARRAYS:])))
 
     def close(self) -> None:
-        """Give the right back; what was not committed is undone."""
+        """Release the right; whatever was not committed is undone."""
         self._checkpointer.close()
         self._connection.close()
         self._lock.release()
 
 
 class _Checkpointer:
-    """Copies the log into the database in a thread of its own: the sync to disk it needs must not stop a slot."""
+    """Copies the log into the database in a thread of its own, so that no slot waits for the sync to disk."""
 
     _PAGES_BYTES = 2 * 4096
-    """What a slot adds to the log besides its arrays: pages are written whole."""
+    """Bytes that a slot adds to the log besides its arrays, because whole pages are written."""
 
     def __init__(self, database: SqliteDatabase) -> None:
         self._database = database
@@ -171,7 +171,7 @@ class _Checkpointer:
     def _run(self) -> None:
         while self._due.wait() and not self._ended:
             self._due.clear()
-            # On a full disk the log stays as it is, and the next commit that needs space says so.
+            # On a full disk the log stays as it is, and the next commit that needs space reports it.
             with suppress(sqlite3.Error):
                 connection = self._database.connect()
                 try:

@@ -1,11 +1,11 @@
-"""The SQL that the journal speaks, as text for one kind of database."""
+"""The journal's SQL statements, as text for one kind of database."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 SCHEMA_VERSION = 4
-"""Changes with the tables: a journal of another version is refused."""
+"""Version of the tables. A journal of another version is refused."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -13,7 +13,7 @@ class Statements:
     """Every statement takes its parameters by position, in the order given here."""
 
     create: tuple[str, ...]
-    """() each, in one transaction; harmless where the tables are there"""
+    """() each, in one transaction; no effect if the tables exist"""
     schema_version: str
     """()"""
     insert_run: str
@@ -27,15 +27,15 @@ class Statements:
     last_position: str
     """(run_id,)"""
     count: str
-    """(run_id,) -> slots that are kept"""
+    """(run_id,) -> number of slots that are kept"""
     first_position: str
-    """(run_id,) -> the first there is, or 0"""
+    """(run_id,) -> position of the first slot in the table, or 0"""
     kept: str
-    """(run_id,) -> first position that is kept, position up to which the totals go, totals"""
+    """(run_id,) -> first position that is kept, position before which the totals end, totals"""
     keep_from: str
     """(first position that is kept, run_id)"""
     write_totals: str
-    """(position up to which they go, totals, run_id)"""
+    """(position before which they end, totals, run_id)"""
     delete_slots: str
     """(run_id, since, until)"""
     delete_rosters: str
@@ -45,10 +45,10 @@ class Statements:
     rosters: str
     """(run_id,) -> version, position, body; in order"""
     insert_slot: str
-    """(run_id, *record.COLUMNS)"""
+    """(run_id, *COLUMNS)"""
     slots: str
-    """(run_id, since, until) -> record.COLUMNS; in order"""
+    """(run_id, since, until) -> COLUMNS; in order"""
     market: str
-    """(run_id, since, until) -> record.MARKET_COLUMNS; in order"""
+    """(run_id, since, until) -> MARKET_COLUMNS; in order"""
     home: str
     """(byte offset of a float) * (HOME_ARRAYS - 1), offset of the fallback byte, run_id, since, until"""

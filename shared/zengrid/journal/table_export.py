@@ -1,4 +1,4 @@
-"""A run as tables for analysis: one row a slot, one row a home and slot, as CSV or Parquet."""
+"""Writes a run as tables for analysis: one row a slot, and one row a home and slot, as CSV or Parquet."""
 
 from __future__ import annotations
 
@@ -68,24 +68,24 @@ def export(
 ) -> list[Path]:
     """Write ``slots.*``, ``homes.*`` and ``scenario.yaml`` into a directory; floats keep every bit.
 
-    Memory is bounded whatever the length of the run. A table replaces an older one only when it is complete.
+    Memory is bounded for runs of any length. A table replaces an older one only when it is complete.
 
     Parameters
     ----------
     homes:
-        Whether to write ``homes.*``, which at many homes is by far the largest.
+        Whether to write ``homes.*``, by far the largest file if there are many homes.
     days:
         First day, and the day after the last (None: to the end).
     progress:
-        Called with the slots written so far and in all.
+        Called with the number of slots written so far, and of all slots.
 
     Returns
     -------
     list[Path]
-        What was written.
+        Files written.
     """
     if format not in get_args(TableFormat):
-        raise JournalError(f"format = {format!r}: permitted are {', '.join(get_args(TableFormat))}")
+        raise JournalError(f"format = {format!r}: permitted: {', '.join(get_args(TableFormat))}")
     positions = run.days(*days)
     if not positions:
         raise JournalError(f"run {run.name!r}: no slot of day {_span(days)} is settled")
@@ -130,7 +130,7 @@ def home_table(run: RunView, block: Block) -> Columns:
 
 
 class _TableFile:
-    """A table file that grows by chunks and takes its name when it is complete."""
+    """A table file that is written in chunks, and gets its name when it is complete."""
 
     def __init__(self, path: Path, format: TableFormat) -> None:
         self._path = path
@@ -169,7 +169,7 @@ class _TableFile:
 
 
 def _time(run: RunView, block: Block) -> Columns:
-    """When a slot began: time is hours since midnight."""
+    """Start of each slot; ``time_h`` is in hours since midnight."""
     return {"day": block["day"], "slot": block["slot"], "time_h": block["slot"] * run.info.dt_h}
 
 

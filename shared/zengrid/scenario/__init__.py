@@ -16,7 +16,7 @@ __all__ = [
     "loads",
 ]  # fmt: skip
 
-# An agent describes its homes and needs no scenario: what reads and plays one is imported when it is asked for.
+# An agent describes its homes and needs no scenario, so modules that read and play one are imported on first use.
 _LATER = {
     "BUILTIN": "files", "dumps": "files", "load": "files", "loads": "files",
     "AgentSpec": "scenario", "Scenario": "scenario", "Days": "days",

@@ -1,4 +1,4 @@
-"""Writes days of a scenario as files: to look at them, to work with them elsewhere, or to start one's own data from."""
+"""Writes days of a scenario as files, for analysis elsewhere or as a start for your own data."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ from zengrid.scenario.scenario import Scenario
 
 ProfileFormat = Literal["csv", "parquet"]
 
-# A year without a leap day that begins on a Monday; scenarios know no years.
+# Scenarios have no years: use one without a leap day that begins on a Monday.
 _YEAR = 2001
 
 
 def export_days(
     scenario: Scenario, count: int, folder: Path, kind: ProfileFormat = "csv", first: int = 0
 ) -> list[Path]:
-    """Write profiles of some days, and a scenario that plays them from the file.
+    """Write the profiles of some days, and a scenario that plays them from the file.
 
     Parameters
     ----------
     scenario:
         The market.
     count, first:
-        How many days, and the number of the first.
+        Number of days, and number of the first day.
     folder:
-        Made if it is not there.
+        Created if it does not exist.
     kind:
-        ``csv`` writes ``profiles.csv``, a column for each home's PV and load, as the reader for plain CSV takes it, and
-        ``scenario.yaml``, which plays exactly these days. ``parquet`` writes one line for each home and slot to
-        ``homes.parquet``, one for each consumer and slot to ``consumers.parquet``, and the scenario as it is.
+        ``csv`` writes ``profiles.csv`` for the reader of plain CSV, with a column for each home's PV and load, and
+        ``scenario.yaml``, which plays exactly these days. ``parquet`` writes one row for each home and slot to
+        ``homes.parquet``, one for each consumer and slot to ``consumers.parquet``, and the unchanged scenario.
 
     Returns
     -------
@@ -77,14 +77,14 @@ def _write_csv(scenario: Scenario, made: Exogenous, times: list[datetime], folde
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["time", *columns])
-        # repr of a float is the shortest text that gives the same float again.
+        # repr of a float is the shortest text that reads as the same float.
         for time, values in zip(times, np.stack(list(columns.values()), axis=-1).tolist(), strict=True):
             writer.writerow([f"{time:%Y-%m-%dT%H:%M}", *map(repr, values)])
     return path
 
 
 def _write_replay(scenario: Scenario, folder: Path) -> Path:
-    """The same market on the exported profiles instead of its own, without further noise."""
+    """Write the same market with the exported profiles and without noise."""
     fields = scenario.model_dump(mode="json", by_alias=True, exclude={"homes"})
     fields["description"] = f"Days of the scenario {scenario.name}, seed {scenario.seed}, as exported to profiles.csv."
     fields["population"] = None
@@ -125,7 +125,7 @@ def _write_parquet(scenario: Scenario, made: Exogenous, times: list[datetime], f
 
 
 def _profile_of(consumer: str) -> str:
-    """Name of a consumer's profile; homes' ids have no colon, so none has the same."""
+    """Name of a consumer's profile; the colon keeps it apart from homes' ids."""
     return f"consumer:{consumer}"
 
 

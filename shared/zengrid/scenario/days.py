@@ -1,4 +1,4 @@
-"""The days of a scenario: PV, loads and prices of any day, always the same for the same scenario, seed and day."""
+"""Days of a scenario: PV, loads and prices, which depend only on the scenario, its seed and the day's number."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ DayNumbers = NDArray[np.int64]
 
 _KEPT_DAYS = 8
 _KEPT_HOMES = 64
-# Days are made in portions of about so many values, to bound the memory on the way.
+# Days are generated in portions of about this many values, to bound memory.
 _PORTION = 1_000_000
 
 
 class _Column(NamedTuple):
-    """Profiles of a set of homes: which series each takes, and how much of it."""
+    """Profiles of a set of homes: the series and the factor of each home."""
 
     series: Floats  # (day, slot, series) [kW]
     choice: NDArray[np.intp]  # (home,)
@@ -50,11 +50,11 @@ class _Members(NamedTuple):
 
 
 class Days:
-    """Days of a scenario by their number, 0 and up.
+    """Generates the days of a scenario by their number, from 0. It reads the data once, so keep the object.
 
-    Days of a typical day never end: the first ``split.evaluation_days`` of them are for evaluation (and what a live
-    market plays first), training begins behind them. Measured days are numbered in the order of the data and begin
-    again at its end; which of them are for evaluation, their date decides.
+    A typical day can be played without end: the first ``split.evaluation_days`` days are for evaluation (a live market
+    plays them first), and training days follow. Measured days are numbered in the order of the data and repeat after
+    its end; their dates determine which are for evaluation.
 
     Raises
     ------
@@ -86,7 +86,7 @@ class Days:
 
     @property
     def count(self) -> int | None:
-        """Number of measured days; None where one typical day is repeated without end."""
+        """Number of measured days; None if one typical day is repeated without end."""
         return len(self._profiles.calendar) if self._measured else None
 
     @property
@@ -99,12 +99,12 @@ class Days:
 
     @cached_property
     def _clear_sky(self) -> Floats:
-        assert self.scenario.site is not None  # as ``_pv_source`` has seen
+        assert self.scenario.site is not None  # ``_pv_source`` has checked it
         dates = [(day.month, day.day) for day in self._profiles.calendar]
         return clear_sky(self.scenario.site, dates or None)
 
     def day(self, number: int) -> Exogenous:
-        """One day: arrays ``(slot, home)``, ``(slot, consumer)`` and ``(slot,)``, not to be written to."""
+        """Generate one day: read-only arrays ``(slot, home)``, ``(slot, consumer)`` and ``(slot,)``."""
         if number not in self._kept:
             made = self.days([number])
             day = made.part(0)
@@ -116,7 +116,7 @@ class Days:
         return self._kept[number]
 
     def days(self, numbers: ArrayLike) -> Exogenous:
-        """Many days at once: the same as ``day``, bit for bit, with a leading axis ``(day, ...)``."""
+        """Generate many days at once: bit for bit the same as ``day``, with a leading axis ``(day, ...)``."""
         wanted = self._numbers(numbers)
         sun = sun_share(self.scenario.noise, self._sky_key, wanted, self._slots)
         pv_kw, load_kw = self._generate(self._homes, wanted, sun)
@@ -127,7 +127,7 @@ class Days:
         return Exogenous(pv_kw, load_kw, consumer_kw, np.tile(self._sell_price, (len(wanted), 1)))
 
     def check(self, homes: Sequence[HomeSpec]) -> None:
-        """Raise ScenarioError where the data has no profile for one of some homes; costs little, however many."""
+        """Raise ScenarioError if the data has no profile for one of these homes; fast even for many homes."""
         default = self._default_profile
         for home in homes:
             profile = home.load.profile or default
@@ -135,9 +135,9 @@ class Days:
             self._pv_source(home, profile)
 
     def homes_day(self, homes: Sequence[HomeSpec], number: int) -> tuple[Floats, Floats]:
-        """PV and load of homes that the scenario need not know, each ``(slot, home)``. [kW]
+        """PV and load of any homes, each ``(slot, home)``. [kW]
 
-        A home of the scenario gets here what it gets in ``day``, and so does one that joins later under its name.
+        A home of the scenario has the same values as in ``day``, and so has one that joins later under its id.
         """
         key = tuple(homes)
         if key not in self._kept_homes:
@@ -150,7 +150,7 @@ class Days:
         return pv_kw[0], load_kw[0]
 
     def home_day(self, home: HomeSpec, number: int) -> tuple[Floats, Floats]:
-        """PV and load of one home that the scenario need not know, each ``(slot,)``. [kW]"""
+        """PV and load of any home, each ``(slot,)``. [kW]"""
         pv_kw, load_kw = self.homes_day([home], number)
         return pv_kw[:, 0], load_kw[:, 0]
 
@@ -166,11 +166,11 @@ class Days:
             return self._spread(count, evaluation=True)
         limit = self.scenario.split.evaluation_days
         if count > limit:
-            raise ScenarioError(f"{count} days for evaluation: permitted: 1 to {limit}, by split.evaluation_days")
+            raise ScenarioError(f"{count} days for evaluation; permitted: 1 to {limit} (split.evaluation_days)")
         return np.arange(count, dtype=np.int64)
 
     def label(self, number: int) -> str:
-        """What people call the day."""
+        """Name of the day for people."""
         if not self._measured:
             return f"day {number}"
         lap, place = divmod(number, self._profiles.count)
@@ -178,14 +178,14 @@ class Days:
         return label if lap == 0 else f"{label}, round {lap + 1}"
 
     def date(self, number: int) -> tuple[int, int] | None:
-        """Month and day of a measured day; None for a typical one."""
+        """Month and day of a measured day; None for a typical day."""
         if not self._measured:
             return None
         day = self._profiles.calendar[number % self._profiles.count]
         return day.month, day.day
 
     def _spread(self, count: int, *, evaluation: bool) -> DayNumbers:
-        """Evenly over the measured days of one kind; where there are fewer than wanted, round after round."""
+        """Choose days evenly from the measured days of one kind; if there are too few, repeat them."""
         split, calendar = self.scenario.split, self._profiles.calendar
         if split.evaluation_months is not None:
             held_out = np.array([day.month in split.evaluation_months for day in calendar])
@@ -206,11 +206,11 @@ class Days:
     def _numbers(self, numbers: ArrayLike) -> DayNumbers:
         wanted = np.atleast_1d(np.asarray(numbers, dtype=np.int64))
         if wanted.ndim != 1 or (wanted < 0).any():
-            raise ScenarioError(f"days {numbers!r}: permitted: a list of numbers from 0 up")
+            raise ScenarioError(f"days = {numbers!r}; permitted: a list of numbers from 0")
         return wanted
 
     def _generate(self, members: _Members, wanted: DayNumbers, sun: Floats) -> tuple[Floats, Floats]:
-        """PV and load, ``(day, slot, home)``, made of elementwise operations alone so that no batch changes a bit."""
+        """PV and load, ``(day, slot, home)``, by elementwise operations only, so that batches do not change a bit."""
         shape = (len(wanted), self._slots, len(members.keys))
         portion = max(1, _PORTION // max(1, shape[1] * shape[2]))
         pv_kw, load_kw = np.empty(shape), np.empty(shape)
@@ -234,7 +234,7 @@ class Days:
         return self._profiles.load_kw[name]
 
     def _members(self, homes: Sequence[HomeSpec]) -> _Members:
-        """Everything about some homes that does not change from day to day."""
+        """The part of some homes that is the same on all days."""
         self.check(homes)
         profiles = [home.load.profile or self._default_profile for home in homes]
         names = {name: place for place, name in enumerate(dict.fromkeys(profiles))}
@@ -256,7 +256,7 @@ class Days:
         return _Members(pv, load, keys)
 
     def _pv_source(self, home: HomeSpec, profile: str) -> str | tuple[float, float] | None:
-        """Where a home's PV comes from: a measured series, a direction under the clear sky, or nowhere."""
+        """Source of a home's PV: name of a measured series, tilt and azimuth under the clear sky, or None."""
         if home.pv_kw == 0.0:
             return None
         site = self.scenario.site
@@ -273,7 +273,7 @@ class Days:
         return tilt, site.azimuth_deg if home.azimuth_deg is None else home.azimuth_deg
 
     def _pv_series(self, source: str | tuple[float, float] | None) -> tuple[Floats, float]:
-        """Power ``(day, slot)`` and the rated power that gives it. [kW]"""
+        """Power ``(day, slot)`` and the rated power of the system. [kW]"""
         if isinstance(source, str):
             return self._profiles.pv[source]
         if source is None:

@@ -1,4 +1,4 @@
-"""Turns pydantic's findings into one line each: field, value, what is permitted, and the line in the file."""
+"""Describes pydantic's errors in one line each: field, value, permitted values, and the line in the file."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def explain(
         text, at = _describe(finding, place, schema, given)
         line = line_of(at) if line_of is not None else None
         lines.setdefault(at, text if line is None else f"line {line}: {text}")
-    # A union that tried a single value and a mapping reports the field and its members: the members say more.
+    # A union of a single value and a mapping reports both the field and its members. Keep the members.
     outer = {at[:depth] for at in lines for depth in range(len(at))}
     lines = {at: text for at, text in lines.items() if at not in outer}
     shown = list(lines.values())[:_SHOWN]
@@ -46,7 +46,7 @@ def explain(
 
 
 def _place(loc: Sequence[str | int], given: object, *, missing: bool) -> FieldPath:
-    """The path of a field as it stands in the file: pydantic also names which member of a union it tried."""
+    """The path of a field in the file; pydantic's own path also names the member of a union that it tried."""
     place: list[str | int] = []
     for position, step in enumerate(loc):
         inside = _member(given, step)
@@ -59,8 +59,8 @@ def _place(loc: Sequence[str | int], given: object, *, missing: bool) -> FieldPa
 
 
 def _describe(finding: Any, place: FieldPath, schema: JsonSchema, given: object) -> tuple[str, FieldPath]:
-    """The line about one finding, and the field it is about."""
-    kind, path = finding["type"], field_name(place)
+    """Text about one error, and the path of its field."""
+    kind, path = finding["type"], ".".join(map(str, place))
     if kind == "value_error":
         message = finding["msg"].removeprefix("Value error, ")
         if not path or message.startswith("permitted"):
@@ -85,7 +85,7 @@ def _describe(finding: Any, place: FieldPath, schema: JsonSchema, given: object)
 
 
 def _named(message: str) -> FieldPath:
-    """The field a validator's own message begins with."""
+    """The field with which a validator's message begins."""
     found = re.match(r"[a-z_]+(?=( = |: |\.))", message)
     return () if found is None or found[0] == "permitted" else (found[0],)
 
@@ -109,7 +109,7 @@ def _at(place: FieldPath, schema: JsonSchema, given: object) -> JsonSchema:
 
 
 def _resolve(node: JsonSchema, schema: JsonSchema, given: object) -> JsonSchema:
-    """Follow references, and choose the member of a union that the given value is meant to be."""
+    """Follow references, and choose the member of a union that fits the given value."""
     if "$ref" in node:
         return _resolve(schema["$defs"][node["$ref"].rsplit("/", 1)[-1]], schema, given)
     mapping = node.get("discriminator", {}).get("mapping", {})
@@ -134,7 +134,7 @@ def _permitted(place: FieldPath, schema: JsonSchema, given: object) -> str:
 
 
 def _words(node: JsonSchema, schema: JsonSchema) -> str:
-    """What a schema permits, in words."""
+    """Describe in words what a schema permits."""
     if "discriminator" in node:
         return f"kind {', '.join(node['discriminator']['mapping'])}"
     if "anyOf" in node:

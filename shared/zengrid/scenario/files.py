@@ -1,4 +1,4 @@
-"""Scenario files: YAML to a scenario and back, and the built-in ones by name."""
+"""Reads and writes scenarios as YAML; built-in scenarios are loaded by name."""
 
 from __future__ import annotations
 
@@ -45,14 +45,14 @@ def load(name_or_path: str | Path, *, data: Path | None = None, seed: int | None
     name_or_path:
         ``paper``, ``fontana``, ``village``, ``city``, or the path of a YAML file.
     data:
-        Where the measured data lies, for scenarios that play such (``data.path``).
+        Path of the measured data, for scenarios that use it (``data.path``).
     seed:
-        Instead of the scenario's own.
+        Replaces the scenario's own seed.
 
     Raises
     ------
     ScenarioError
-        There is no such scenario, or it is wrong: one line for each field, with its value and what is permitted.
+        There is no such scenario, or it is invalid: one line for each field, with its value and permitted values.
     """
     path = _BUILTIN / f"{name_or_path}.yaml" if str(name_or_path) in BUILTIN else Path(name_or_path).expanduser()
     try:
@@ -63,7 +63,7 @@ def load(name_or_path: str | Path, *, data: Path | None = None, seed: int | None
     except UnicodeDecodeError as error:
         raise ScenarioError(f"{path}: is not a YAML file in UTF-8 ({error})") from None
     scenario = loads(text, where=str(path), folder=path.parent, data=data, seed=seed)
-    scenario.data.files(scenario.slot_minutes)  # Says at once where to get data that is needed and not given.
+    scenario.data.files(scenario.slot_minutes)  # If data is missing, raise the error that says where to get it.
     return scenario
 
 
@@ -77,9 +77,9 @@ def loads(
     text:
         The YAML.
     where:
-        What errors call it.
+        Name of the text in error messages.
     folder:
-        Where relative paths of data count from; the current folder by default.
+        Folder of relative data paths; by default the current folder.
     data, seed:
         As in ``load``.
 
@@ -92,7 +92,7 @@ def loads(
     if data is not None:
         source = fields.get("data")
         if not isinstance(source, dict) or source.get("kind") not in ("citylearn", "csv"):
-            raise ScenarioError(f"{where}: plays no measured data from one path, so it takes none; given: {data}")
+            raise ScenarioError(f"{where}: uses no measured data from a single path; given: {data}")
         source["path"] = str(Path(data).expanduser().resolve())
     if seed is not None:
         fields["seed"] = seed
@@ -131,11 +131,11 @@ def _refuse_depth(text: str, where: str) -> None:
 
 
 def _refuse_doubles(root: yaml.Node | None, where: str) -> None:
-    """YAML would silently take the last of two fields of one name."""
+    """Raise ScenarioError for two fields of one name: YAML would silently use the last one."""
     waiting, known = [root], set()
     while waiting:
         node = waiting.pop()
-        if id(node) in known:  # An alias may lead back to where it stands.
+        if id(node) in known:  # An alias may refer to a node that contains it.
             continue
         known.add(id(node))
         if isinstance(node, yaml.MappingNode):
@@ -143,7 +143,7 @@ def _refuse_doubles(root: yaml.Node | None, where: str) -> None:
             for key, value in node.value:
                 if key.value in names:
                     line = key.start_mark.line + 1
-                    raise ScenarioError(f"{where}, line {line}: {key.value} stands there twice; permitted: once")
+                    raise ScenarioError(f"{where}, line {line}: {key.value} appears twice; permitted: once")
                 names.add(key.value)
                 waiting.append(value)
         elif isinstance(node, yaml.SequenceNode):

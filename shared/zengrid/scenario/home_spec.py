@@ -1,4 +1,4 @@
-"""One home as a file or a joining agent describes it: PV, battery, load, meter."""
+"""Describes one home, for scenario files and joining agents: PV, battery, load, meter."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PRINTABLE = r"^[^\x00-\x1f\x7f-\x9f\u2028\u2029]*$"
 Printable = Annotated[str, AfterValidator(_printable), Field(json_schema_extra={"pattern": PRINTABLE})]
 """Text that a line of a log or a terminal can show, and a process be started with."""
 SMALLEST = 1e-3
-"""Smallest battery capacity and power but for 0. [kWh], [kW]"""
+"""Smallest battery capacity and power other than 0. [kWh], [kW]"""
 
 
 class Spec(BaseModel):
@@ -34,14 +34,8 @@ class Spec(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True, defer_build=True)
 
 
-class StrictSpec(Spec):
-    """A part that also arrives in messages, where a number is a number: no text, and neither true nor false."""
-
-    model_config = ConfigDict(strict=True)
-
-
-class BatterySpec(StrictSpec):
-    """A home's battery. The defaults are the paper's, but for the capacity."""
+class BatterySpec(Spec):
+    """A home's battery. The defaults, except the capacity, are those of the paper."""
 
     capacity_kwh: float = Field(
         default=0.0, ge=0.0, le=1e6, description="Capacity: 0 is a home without battery, else at least 0.001 [kWh]."
@@ -61,7 +55,7 @@ class BatterySpec(StrictSpec):
     @field_validator("capacity_kwh", "charge_max_kw", "discharge_max_kw")
     @classmethod
     def _computable(cls, value: float, info: ValidationInfo) -> float:
-        # Powers and capacities are divided by one another: with tiny numbers the results would overflow.
+        # Powers and capacities are divided by each other; tiny numbers would overflow.
         if 0.0 < value < SMALLEST:
             raise ValueError(f"{info.field_name} = {value:g}: permitted: 0, or {SMALLEST:g} to 1e+06")
         return value
@@ -85,8 +79,8 @@ class BatterySpec(StrictSpec):
         return min(max(wanted, self.soc_min), self.soc_max)
 
 
-class LoadSpec(StrictSpec):
-    """What a home consumes: a named profile of the scenario's data, scaled."""
+class LoadSpec(Spec):
+    """A home's consumption: a named profile of the scenario's data, scaled."""
 
     profile: Printable | None = Field(
         default=None, max_length=200, description="Load profile of the scenario's data; null takes its first home's."
@@ -94,8 +88,8 @@ class LoadSpec(StrictSpec):
     scale: float = Field(default=1.0, ge=0.0, le=1e6, description="Factor on the profile [-].")
 
 
-class HomeSpec(StrictSpec):
-    """A prosumer's home. ``HomeSpec(id="p4", pv_kw=5, battery={"capacity_kwh": 10})`` is complete."""
+class HomeSpec(Spec):
+    """A prosumer's home, such as ``HomeSpec(id="p4", pv_kw=5, battery={"capacity_kwh": 10})``."""
 
     id: Id
     pv_kw: float = Field(default=0.0, ge=0.0, le=1e6, description="Rated power of the PV system [kW].")

@@ -1,4 +1,4 @@
-"""How one day differs from another: clouds over the whole market, and each home's own ups and downs."""
+"""Noise between days: clouds over the whole market, and each home's own variation of load."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ class Noise(Spec):
 
 
 def sun_share(noise: Noise, key: RandomKeys, days: DayNumbers, slots: int) -> Floats:
-    """What clouds leave of the clear sky's energy, ``(day, slot)``. [-]
+    """Share of the clear sky's energy that clouds let through, ``(day, slot)``. [-]
 
-    A day's cover is spread evenly between none and twice ``cloudiness``. Clouds pass from hour to hour: the cover is
-    multiplied by a number between 0 and 2 at each full hour, linear in between, and takes 90 % at most.
+    A day's cover is uniform between 0 and twice ``cloudiness``. Clouds change from hour to hour: at each full hour the
+    cover is multiplied by a number between 0 and 2, linear in between. It takes at most 90 %.
 
     Parameters
     ----------
     noise:
         Its ``cloudiness``.
     key:
-        Of the place, ``(1,)``: all homes have the same sky.
+        Key of the place, ``(1,)``: all homes have the same sky.
     days:
         Day numbers, ``(day,)``.
     slots:
@@ -48,7 +48,7 @@ def sun_share(noise: Noise, key: RandomKeys, days: DayNumbers, slots: int) -> Fl
     of_day = fork(key, days)
     cover = uniform(fork(of_day, 0)) * (2.0 * noise.cloudiness)
     passing = uniform(fork(fork(of_day, 1)[:, None], np.arange(_HOURS + 1))) * 2.0
-    # Slots are known by their middle.
+    # A slot takes the value at its middle.
     hour = (np.arange(slots) + 0.5) * (_HOURS / slots)
     before = hour.astype(np.int64)
     rest = hour - before
@@ -59,22 +59,22 @@ def sun_share(noise: Noise, key: RandomKeys, days: DayNumbers, slots: int) -> Fl
 def load_factor(
     noise: Noise, keys: RandomKeys, days: DayNumbers, slots: int, share: Floats | float = 1.0
 ) -> Floats | None:
-    """Factor on the load of each home, ``(day, slot, home)``, never negative; None where there is no noise. [-]
+    """Factor on the load of each home, ``(day, slot, home)``, at least 0; None if there is no noise. [-]
 
-    The product of a number for the day and one for the slot, both bell-shaped around 1.
+    It is the product of a number for the day and one for the slot, both bell-shaped around 1.
 
     Parameters
     ----------
     noise:
         Its ``load_level`` and ``load_noise``.
     keys:
-        Of the homes, ``(home,)``: what one home does depends on no other.
+        Keys of the homes, ``(home,)``: each home is independent of the others.
     days:
         Day numbers, ``(day,)``.
     slots:
         Slots a day.
     share:
-        How much of the noise each has, ``(home,)`` or one number: many customers together vary less than one. [-]
+        Share of the noise that applies, ``(home,)`` or one number: many customers together vary less than one. [-]
     """
     if noise.load_level == 0.0 and noise.load_noise == 0.0:
         return None

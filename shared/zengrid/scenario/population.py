@@ -1,4 +1,4 @@
-"""Homes drawn from distributions: large markets in a few lines, always the same homes for the same seed."""
+"""Draws homes from distributions, to describe large markets in a few lines; the same seed gives the same homes."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from zengrid.scenario.randomness import RandomKeys, bell, fork, keys_of, uniform
 
 T = TypeVar("T")
 
-# The sum of four even numbers is within 2 sqrt(3) standard deviations of its mean.
+# The sum of four uniform numbers is within 2 sqrt(3) standard deviations of its mean.
 _BELL_WIDTH = 4.0 * 3.0**0.5
 _UNBOUNDED = ("pv_kw", "battery_kwh", "load_scale")
 
 
 class Draw(Spec):
-    """A distribution: either numbers between two bounds, or one of some values by weight."""
+    """A distribution: numbers between two bounds, or values by weight."""
 
     min: float | None = Field(default=None, description="Lowest value.")
     max: float | None = Field(default=None, description="Highest value.")
@@ -45,7 +45,7 @@ class Draw(Spec):
         return min(given), max(given)
 
     def draw(self, keys: RandomKeys) -> list[float]:
-        """One value a key."""
+        """Draw one value for each key."""
         if self.weights is not None:
             return choose(self.weights, keys)
         low, high = self.bounds
@@ -57,7 +57,7 @@ class Draw(Spec):
 
 
 class Population(Spec):
-    """A number of homes of which each draws its PV, battery and load by itself."""
+    """A number of homes, each with its own draw of PV, battery and load."""
 
     count: int = Field(ge=1, le=100_000, description="Number of homes.")
     prefix: str = Field(default="h", pattern=r"^[a-z][a-z0-9_-]{0,15}$", description="Ids are the prefix and a number.")
@@ -87,7 +87,7 @@ class Population(Spec):
         return self
 
     def homes(self) -> tuple[HomeSpec, ...]:
-        """The homes; each is the same however many others are drawn."""
+        """Draw the homes; the number of homes does not change any of them."""
         names = [f"{self.prefix}{i + 1:0{len(str(self.count))}d}" for i in range(self.count)]
         places = np.arange(self.count)
 
@@ -135,7 +135,7 @@ class Population(Spec):
 
 
 def choose(weights: Mapping[T, float], keys: RandomKeys) -> list[T]:
-    """One of the values a key, each as often as its weight says."""
+    """Choose one of the values for each key, with probability in proportion to its weight."""
     edges = np.cumsum(np.array(list(weights.values())))
     values = list(weights)
     return [values[place] for place in np.searchsorted(edges, uniform(keys) * edges[-1], side="right").tolist()]

@@ -1,4 +1,4 @@
-"""Named profiles of whole days, as read from data, and their resampling to the slots of a market."""
+"""Named profiles of whole days, and their resampling to the slots of a market."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 DEFAULT_PV = ""
-"""Name of the PV series that serves every home without one of its own."""
+"""Name of the PV series for every home without its own."""
 
 
 class CalendarDay(NamedTuple):
@@ -27,7 +27,7 @@ class PvSeries(NamedTuple):
     """Output of one PV system.
 
     power_kw: ``(day, step)`` mean power. [kW]
-    rated_kw: its rated power, by which it is scaled to other systems. [kW]
+    rated_kw: its rated power, to scale the series to other systems. [kW]
     """
 
     power_kw: Floats
@@ -36,9 +36,9 @@ class PvSeries(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Profiles:
-    """What a data source holds: loads in kW ``(day, step)``, PV, and the days' dates where they have any.
+    """Content of a data source: loads in kW ``(day, step)``, PV, and the dates of the days if they have any.
 
-    One day is a typical day, which a scenario repeats (with noise, if it has any); more are measured days.
+    A single day is a typical day, which a scenario repeats (with its noise). Several days are measured days.
     """
 
     load_kw: Mapping[str, Floats]
@@ -63,14 +63,14 @@ class Profiles:
 def resample(power: Floats, slots: int) -> Floats:
     """Mean power over ``slots`` equal parts of a day, from means over any other number of equal parts.
 
-    Energy is conserved: power counts as constant within each given part.
+    Energy is conserved: power is taken as constant within each given part.
 
     Parameters
     ----------
     power:
         Mean power, not negative, ``(..., part)``. [kW]
     slots:
-        Number of parts wanted.
+        Number of parts of the result.
 
     Returns
     -------
@@ -83,11 +83,11 @@ def resample(power: Floats, slots: int) -> Floats:
         return np.ascontiguousarray(power.reshape(*power.shape[:-1], slots, given // slots).mean(axis=-1))
     if slots % given == 0:
         return np.ascontiguousarray(np.repeat(power, slots // given, axis=-1))
-    # Neither divides the other: energy up to each moment is piecewise linear, so its differences are the new means.
+    # Neither number divides the other. Cumulated energy is piecewise linear, and its differences are the new means.
     energy = np.concatenate([np.zeros((*power.shape[:-1], 1)), np.cumsum(power, axis=-1)], axis=-1) / given
     edges = np.arange(slots + 1) * given
     before, rest = edges // slots, (edges % slots) / slots
     after = np.minimum(before + 1, given)
     at_edges = energy[..., before] * (1.0 - rest) + energy[..., after] * rest
-    # Differences of sums may fall below 0 by rounding.
+    # Rounding may make differences of sums negative.
     return np.ascontiguousarray(np.maximum(np.diff(at_edges, axis=-1) * slots, 0.0))

@@ -1,4 +1,4 @@
-"""A whole market as one validated object: what a scenario file says."""
+"""A complete market as one validated object, as a scenario file describes it."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class AgentSpec(NamedTuple):
 
 
 class TariffStep(Spec):
-    """The sell price from a time of day on."""
+    """The sell price from a time of day until the next step."""
 
     start: str = Field(alias="from", pattern=r"^([01]\d|2[0-3]):[0-5]\d$", description="Time of day, HH:MM.")
     price: Price = Field(description="Posted price at which the grid sells [$/kWh].")
@@ -67,7 +67,7 @@ class FacilitySpec(Spec):
 
 
 class ConsumerSpec(Spec):
-    """A plain consumer: it buys at the sell price and decides nothing."""
+    """A plain consumer, which buys at the sell price and has nothing to decide."""
 
     name: Id
     profiles: tuple[str, ...] = Field(min_length=1, description="Load profiles of the data; they are added up.")
@@ -81,7 +81,7 @@ class ConsumerSpec(Spec):
 
 
 class Split(Spec):
-    """Which days are kept for evaluation: training never sees them."""
+    """Days that are reserved for evaluation and never used in training."""
 
     evaluation_days: int = Field(
         default=10_000, ge=1, le=10**9, description="Of a typical day: so many days from day 0 on are for evaluation."
@@ -98,7 +98,7 @@ class Split(Spec):
 
 
 class Scenario(Spec):
-    """Fully describes a market. Load one with ``load``, vary it with ``with_``, generate its days with ``Days``."""
+    """A complete description of a market. See ``load`` to read one, and ``Days`` for its days."""
 
     name: Id
     title: str = Field(default="", max_length=200, description="One line for lists.")
@@ -196,7 +196,7 @@ class Scenario(Spec):
 
     @property
     def drawn(self) -> set[str]:
-        """Fields that follow from others: homes, where they are drawn from a population."""
+        """Fields that follow from others: ``homes`` if they are drawn from a population."""
         return set() if self.population is None else {"homes"}
 
     @property
@@ -216,7 +216,7 @@ class Scenario(Spec):
 
     @cached_property
     def agents(self) -> tuple[AgentSpec, ...]:
-        """Who acts for the homes: each for itself, or fleets of neighbours of nearly the same size."""
+        """Agents of the homes: one for each home, or fleets of neighbouring homes of nearly equal size."""
         ids, fleets = self.home_ids, self.fleets
         if fleets is None:
             return tuple(AgentSpec(home, (home,)) for home in ids)
@@ -230,7 +230,7 @@ class Scenario(Spec):
         return tuple(next(s.price for s in reversed(self.tariff) if s.minute <= start) for start in starts)
 
     def market(self) -> MarketParams:
-        """The homes, facilities and slot length as the core takes them."""
+        """The homes, facilities and slot length in the form that the core uses."""
         facilities = Facilities.of(
             p_min_kw=[f.min_kw for f in self.facilities],
             p_max_kw=[f.max_kw for f in self.facilities],
@@ -241,22 +241,22 @@ class Scenario(Spec):
         return MarketParams(homes_params(self.homes), facilities, self.dt_h, self.value_of_lost_load)
 
     def with_(self, **changes: Any) -> Scenario:
-        """The same scenario with some fields changed, validated.
+        """Return the scenario with some fields changed, validated.
 
         Parameters
         ----------
         **changes:
-            New values by field; dots lead into a field, ``*`` stands for all members of a list:
+            New values by field. Dots separate the fields of a path, and ``*`` means all members of a list:
             ``with_(seed=3, noise="off")``, ``with_(**{"homes.*.battery.capacity_kwh": 10})``.
 
         Raises
         ------
         ScenarioError
-            Names the field, the value and what is permitted.
+            A field is invalid; the message names it, its value and what is permitted.
         """
         fields = self.model_dump(by_alias=True, exclude=self.drawn)
         if self.population is not None and any(path.split(".")[0] == "homes" for path in changes):
-            # Homes that are changed one by one are no longer drawn.
+            # Homes that are changed individually are no longer drawn.
             fields |= {"homes": [home.model_dump() for home in self.homes], "population": None}
         for path, value in changes.items():
             _change(fields, path.split("."), path, value)
@@ -269,7 +269,7 @@ class Scenario(Spec):
 def _unique(field: str, names: list[str]) -> None:
     if len(set(names)) != len(names):
         double = next(name for position, name in enumerate(names) if name in names[:position])
-        raise ValueError(f'{field}: "{double}" stands there twice; permitted: once')
+        raise ValueError(f'{field}: "{double}" appears twice; permitted: once')
 
 
 def _change(fields: Any, steps: list[str], path: str, value: object) -> None:
@@ -282,7 +282,7 @@ def _change(fields: Any, steps: list[str], path: str, value: object) -> None:
     elif isinstance(fields, dict):
         keys = [step]
     else:
-        raise ScenarioError(f"{path}: {step} leads into a single value; permitted: the path of a field")
+        raise ScenarioError(f"{path}: {step} is inside a single value; permitted: the path of a field")
     for key in keys:
         if not rest:
             fields[key] = value

@@ -1,8 +1,8 @@
-"""Where a market is, and what its PV systems deliver there under a clear sky, computed with pvlib.
+"""Place of a market, and the output of its PV systems under a clear sky, computed with pvlib.
 
-pvlib is needed once for a place: it gives the position of the sun and the clear-sky irradiance, which are kept in the
-user's cache (those of the built-in scenarios ship with zengrid). From them the output for any slope and direction is a
-short formula.
+pvlib is needed once for each place. It computes the position of the sun and the clear-sky irradiance, which are kept in
+the user's cache (those of the built-in scenarios ship with zengrid). A short formula then gives the output for any tilt
+and azimuth.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from zengrid.scenario.home_spec import Spec
 Floats = NDArray[np.float64]
 
 STEPS = 288
-"""Parts of a day for which the sun is computed: 5 minutes each, at their middle."""
+"""Parts of a day for which the sun is computed: 5 minutes each, at the middle."""
 
 ALBEDO = 0.25
 AIR_C = 20.0
@@ -35,12 +35,12 @@ LOSSES = 0.14
 HEATING_PER_WM2 = math.exp(-3.47) + 3.0 / 1000.0
 
 _SHIPPED = Path(__file__).parent / "data"
-# Any year without a leap day: the sun's way over a day of the year hardly depends on it.
+# Any year without a leap day: the path of the sun on a day of the year hardly depends on the year.
 _YEAR = 2023
 
 
 class Site(Spec):
-    """The place of a market. Homes that do not say how their PV faces take the tilt and azimuth given here."""
+    """The place of a market. Homes without their own tilt and azimuth use those given here."""
 
     latitude: float = Field(ge=-90.0, le=90.0, description="North is positive [deg].")
     longitude: float = Field(ge=-180.0, le=180.0, description="East is positive [deg].")
@@ -56,14 +56,14 @@ class Site(Spec):
 
 
 def clear_sky(site: Site, dates: Sequence[tuple[int, int]] | None = None) -> Floats:
-    """The sun over some days, ``(date, step, 6)``.
+    """Position of the sun and irradiance over some days, ``(date, step, 6)``.
 
     Parameters
     ----------
     site:
         The place.
     dates:
-        Months and days, on standard time; None for the site's own date, on the time its clocks show.
+        Months and days, in standard time; None: the site's own date, in local time.
 
     Returns
     -------
@@ -77,7 +77,7 @@ def clear_sky(site: Site, dates: Sequence[tuple[int, int]] | None = None) -> Flo
         with suppress(OSError, ValueError, EOFError):
             return np.asarray(np.load(folder / name), dtype=np.float64)
     sky = compute_clear_sky(site, days, standard_time=dates is not None)
-    with suppress(OSError):  # A cache that cannot be written costs the time to compute it again.
+    with suppress(OSError):  # If the cache cannot be written, the sky is computed again next time.
         cache.mkdir(parents=True, exist_ok=True)
         part = cache / f"{name}.{os.getpid()}"
         with part.open("wb") as file:
@@ -87,7 +87,7 @@ def clear_sky(site: Site, dates: Sequence[tuple[int, int]] | None = None) -> Flo
 
 
 def sky_file(site: Site, dates: Sequence[tuple[int, int]] | None) -> str:
-    """Name under which a clear sky is kept."""
+    """File name of a clear sky in the cache."""
     import hashlib
 
     days = site.date if dates is None else ",".join(f"{month:02d}-{day:02d}" for month, day in dates)
@@ -97,7 +97,7 @@ def sky_file(site: Site, dates: Sequence[tuple[int, int]] | None) -> str:
 
 
 def compute_clear_sky(site: Site, dates: Sequence[tuple[int, int]], *, standard_time: bool) -> Floats:
-    """``clear_sky`` by pvlib: NREL's solar position; Ineichen's clear sky with the turbidity of place and month."""
+    """Compute ``clear_sky`` with pvlib: NREL's solar position, Ineichen's clear sky with local monthly turbidity."""
     try:
         import pandas as pd
         import pvlib
@@ -120,14 +120,14 @@ def compute_clear_sky(site: Site, dates: Sequence[tuple[int, int]], *, standard_
     except ValueError as error:
         raise ScenarioError(f"site.date = {site.date!r}: no such day ({error})") from None
     if standard_time:
-        # Measured days are on standard time: in summer their midnight comes an hour after that of the clocks.
+        # Measured days are in standard time: in summer their midnight is an hour after local midnight.
         midnights = pd.DatetimeIndex([midnight + (midnight.dst() or timedelta()) for midnight in midnights])
     steps = pd.timedelta_range("2min30s", periods=STEPS, freq="5min")
     starts = midnights.tz_convert("UTC").tz_localize(None)
     times = pd.DatetimeIndex(np.add.outer(starts.to_numpy(), steps.to_numpy()).ravel(), tz="UTC")
     place = pvlib.location.Location(site.latitude, site.longitude, "UTC", site.altitude_m)
     with warnings.catch_warnings():
-        # pvlib still uses a spelling that pandas 3 deprecates.
+        # pvlib uses a call that pandas 3 deprecates.
         warnings.simplefilter("ignore", DeprecationWarning)
         position = place.get_solarposition(times)
         sky = place.get_clearsky(times, solar_position=position)

@@ -1,4 +1,4 @@
-"""Where a scenario's profiles come from: shipped with zengrid, or one of the formats that are read."""
+"""Sources of a scenario's profiles: data shipped with zengrid, or files in one of several formats."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _HOUR = 60
 
 
 def _absolute(path: Path, info: ValidationInfo) -> Path:
-    """Relative paths count from the folder of the scenario file."""
+    """Make a path absolute; relative paths start at the folder of the scenario file."""
     folder = (info.context or {}).get("folder", Path.cwd())
     return Path(folder, path.expanduser()).resolve()
 
@@ -35,7 +35,7 @@ class BuiltinData(Spec):
     name: Literal["paper", "village"] = Field(default="paper", description="Which of the shipped profiles.")
 
     def files(self, slot_minutes: int) -> tuple[Path, ...]:
-        """The paper's hourly day is rounded by itself, so there is a file for whole hours and one for the others."""
+        """The file; ``paper`` has a separate one for whole hours, because its hourly values are rounded separately."""
         step = _HOUR if slot_minutes % _HOUR == 0 and self.name == "paper" else 15
         return (_SHIPPED / f"{self.name}_{step}min.csv",)
 
@@ -80,21 +80,21 @@ class CityLearnData(Spec):
         from zengrid.scenario.readers.citylearn import SOURCE
 
         if self.path is None:
-            raise ScenarioError(f"data.path is not given, and this scenario plays measured homes. {SOURCE}.")
+            raise ScenarioError(f"data.path is not given, and this scenario uses measured homes. {SOURCE}.")
         if not self.path.is_dir():
-            raise ScenarioError(f"data.path = {self.path}: is no folder. {SOURCE}.")
+            raise ScenarioError(f"data.path = {self.path}: is not a folder. {SOURCE}.")
         return tuple(sorted(self.path.glob("Building_*.csv")))
 
     def read(self, files: tuple[Path, ...]) -> Profiles:
         """All profiles, hourly."""
         from zengrid.scenario.readers.citylearn import read_citylearn
 
-        assert self.path is not None  # ``files`` has seen to it
+        assert self.path is not None  # ``files`` has checked it
         return read_citylearn(self.path)
 
 
 class CaisoData(Spec):
-    """Exports of CAISO OASIS: the shape of a demand and of solar output."""
+    """Exports of CAISO OASIS: shapes of demand and of solar output."""
 
     kind: Literal["caiso"] = Field(description="CAISO OASIS exports.")
     load: DataPath = Field(description="CSV of the report SLD_FCST; relative to the scenario file.")
@@ -124,12 +124,12 @@ _READ_MAX = 4
 
 
 def read_profiles(data: BuiltinData | CsvData | CityLearnData | CaisoData, slot_minutes: int) -> Profiles:
-    """Read a data source as means over slots; what was read last is kept, as long as its files do not change.
+    """Read a data source as means over slots. Recent results are cached while their files do not change.
 
     Raises
     ------
     ScenarioError
-        A file is missing, wrong, or not the one whose hash the scenario names.
+        A file is missing or invalid, or has another hash than the scenario says.
     """
     files = data.files(slot_minutes)
     try:

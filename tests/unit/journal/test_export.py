@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from support.journal_records import begin, record, records, roster
 from zengrid.errors import JournalError
-from zengrid.journal import Journal, RunWriter, SlotRecord, view
+from zengrid.journal import Journal, RunWriter, SlotRecord, run_view
 from zengrid.journal.table_export import FACILITY_COLUMNS, HOME_COLUMNS, SLOT_COLUMNS, TableFormat, export
 from zengrid_cli.export import days_of
 from zengrid_cli.export import export as command
@@ -67,7 +67,7 @@ def test_slots_come_back_to_the_last_bit(run: RunWriter, tmp_path: Path, format:
 def test_homes_come_back_to_the_last_bit(
     run: RunWriter, tmp_path: Path, format: TableFormat, values: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(view, "BLOCK_VALUES", values)
+    monkeypatch.setattr(run_view, "BLOCK_VALUES", values)
     table = read(export(run, tmp_path, format)[1])
     made = written(run)
     homes = [run.roster(one.roster_version).homes for one in made]
@@ -108,7 +108,7 @@ def test_a_place_that_cannot_be_written(run: RunWriter, tmp_path: Path) -> None:
 def test_an_export_that_breaks_off_leaves_the_last_one(
     run: RunWriter, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(view, "BLOCK_VALUES", 100)
+    monkeypatch.setattr(run_view, "BLOCK_VALUES", 100)
     out = tmp_path / "out"
     export(run, out)
     before = (out / "slots.csv").read_bytes()
@@ -131,7 +131,7 @@ def test_run_names_are_quoted_in_csv(file: Path, tmp_path: Path) -> None:
 
 
 def test_an_unknown_format(run: RunWriter, tmp_path: Path) -> None:
-    with pytest.raises(JournalError, match="format = 'xml': permitted are csv, parquet"):
+    with pytest.raises(JournalError, match="format = 'xml': permitted: csv, parquet"):
         export(run, tmp_path, "xml")  # type: ignore[arg-type]
 
 

@@ -139,7 +139,7 @@ def test_a_commit_that_reached_the_database_unseen_is_not_repeated(journal: Jour
     run._writer = Unsure(run._open())
     with pytest.raises(JournalError, match="the connection was lost"):
         run.commit(made, roster(3, 2))
-    with pytest.raises(JournalError, match="position 3 was settled otherwise"):
+    with pytest.raises(JournalError, match="another writer settled position 3 differently"):
         run.commit(record(3, 3, version=2, seed=9), roster(3, 2))
     run.commit(made, roster(3, 2))
     run.commit(record(3, 4, version=2))

@@ -83,7 +83,7 @@ def test_pruned_days_are_gone_and_their_sums_are_kept(journal: Journal, place: s
     assert prune(journal, run, keep_days=2).slots == 0
     done = prune(journal, run, keep_days=1)
     assert (done.kept_from, done.rosters) == (288, 1)
-    with pytest.raises(JournalError, match="keep_days = 0: at least 1"):
+    with pytest.raises(JournalError, match="keep_days = 0: must be at least 1"):
         prune(journal, run, keep_days=0)
     run.close()
     with Journal.open(place) as again:

@@ -46,7 +46,7 @@ def test_a_closed_journal_is_one_file(file: Path) -> None:
 @pytest.mark.parametrize(
     ("place", "message"),
     [
-        ("mysql://u:secret@host/x", r"journal = mysql://\.\.\.: permitted are"),
+        ("mysql://u:secret@host/x", r"journal = mysql://\.\.\.: permitted: "),
         ("sqlite://", "must be a file"),
         (":memory:", "must be a file"),
         ("nowhere/zengrid.db", "there is no directory .*nowhere"),
@@ -68,7 +68,7 @@ def test_a_password_is_never_told() -> None:
 
 
 def test_durability_is_one_of_two(file: Path) -> None:
-    with pytest.raises(JournalError, match="durability = 'none': permitted are 'normal' and 'full'"):
+    with pytest.raises(JournalError, match="durability = 'none': permitted: 'normal' or 'full'"):
         Journal.open(file, durability="none")  # type: ignore[arg-type]
     with Journal.open(file, durability="full") as journal:
         fill(begin(journal), homes=1, count=3)

@@ -66,7 +66,7 @@ def test_an_unknown_run_is_named(journal: Journal, which: str | int | None, mess
 
 def test_a_name_is_given_once(journal: Journal) -> None:
     begin(journal)
-    with pytest.raises(JournalError, match="there is a run 'market-1' already"):
+    with pytest.raises(JournalError, match="run 'market-1' exists already"):
         begin(journal)
 
 
@@ -101,7 +101,7 @@ def test_slots_follow_one_another(journal: Journal) -> None:
     run = begin(journal)
     fill(run, homes=2, count=3)
     for position in (1, 2, 4):
-        with pytest.raises(JournalError, match=f"position = {position}: run 'market-1' goes on at position 3"):
+        with pytest.raises(JournalError, match=f"position = {position}: run 'market-1' continues at position 3"):
             run.commit(record(2, position))
     assert run.count() == 3
 
@@ -111,7 +111,7 @@ def test_a_slot_of_a_day_is_settled_once(journal: Journal) -> None:
 
     run = begin(journal)
     fill(run, homes=2, count=3)
-    with pytest.raises(JournalError, match="day = 0, slot = 1: position 3 of a run with 96 slots a day is another"):
+    with pytest.raises(JournalError, match="day = 0, slot = 1: position 3 is day 0, slot 3"):
         run.commit(changed(record(2, 3), slot=1))
     run.commit(record(2, 3))
     assert [made.slot for made in run.records()] == [0, 1, 2, 3]

@@ -97,7 +97,7 @@ def first(old: str, new: str) -> Callable[[list[str]], list[str]]:
 
 BAD: dict[str, tuple[Callable[[list[str]], list[str]], str]] = {
     "missing hour": (lambda lines: lines[:30] + lines[31:], r"line 32.*2024-03-10 07:00 after .*06:00 is missing"),
-    "double": (lambda lines: lines[:30] + lines[29:], r"line 32.*2024-03-10 05:00 stands there twice"),
+    "double": (lambda lines: lines[:30] + lines[29:], r"line 32.*2024-03-10 05:00 appears twice"),
     "text": (first("20000", "?"), r'line 2, column "MW": "\?" is not a number'),
     "negative": (first("20000", "-1"), r'line 2, column "MW": -1 is out of range'),
     "no time": (first("2024-03-09T08:00:00-", "x"), r'line 2, column "INTERVALSTARTTIME_GMT": .*is not a time'),

@@ -48,7 +48,7 @@ def test_whole_days_begin_at_hour_1(write: Write, tmp_path: Path, header: str) -
 
 BAD = {
     "missing hour": ({5: "8,4,1,1,0"}, r'Building_1.csv, line 5, column "hour": hour 4 comes after hour 2; permitted'),
-    "double hour": ({5: "8,2,1,1,0"}, r'line 5, column "hour": hour 2 stands there twice; permitted: hour 3'),
+    "double hour": ({5: "8,2,1,1,0"}, r'line 5, column "hour": hour 2 appears twice; permitted: hour 3'),
     "hour 25": ({5: "8,25,1,1,0"}, r'line 5, column "hour": 25 is out of range; permitted: 1 to 24'),
     "month 13": ({5: "13,3,1,1,0"}, r'line 5, column "month": 13 is out of range; permitted: 1 to 12'),
     "day type 9": ({5: "8,3,9,1,0"}, r'line 5, column "day_type": 9 is out of range; permitted: 1 to 8'),

@@ -129,7 +129,7 @@ def test_pv_without_sun_is_refused() -> None:
 
 @pytest.mark.parametrize("numbers", [[-1], [[0, 1]]])
 def test_only_days_from_0_up_exist(paper: Scenario, numbers: list[int]) -> None:
-    with pytest.raises(ScenarioError, match="permitted: a list of numbers from 0 up"):
+    with pytest.raises(ScenarioError, match="permitted: a list of numbers from 0"):
         Days(paper).days(numbers)
 
 
@@ -189,7 +189,7 @@ class TestSplit:
 
     def test_evaluation_days_are_finite(self, paper: Scenario) -> None:
         with pytest.raises(
-            ScenarioError, match=r"11 days for evaluation: permitted: 1 to 10, by split.evaluation_days"
+            ScenarioError, match=r"11 days for evaluation; permitted: 1 to 10 \(split.evaluation_days\)"
         ):
             Days(paper.with_(**{"split.evaluation_days": 10})).evaluation(11)
 

@@ -42,18 +42,18 @@ def test_a_seed_replaces_the_scenarios_own() -> None:
 def test_fontana_without_data_says_where_to_get_it() -> None:
     with pytest.raises(ScenarioError, match=r"CityLearn Challenge 2022.*intelligent-environments-lab/CityLearn"):
         load("fontana")
-    with pytest.raises(ScenarioError, match="/nowhere: is no folder"):
+    with pytest.raises(ScenarioError, match="/nowhere: is not a folder"):
         load("fontana", data=Path("/nowhere"))
 
 
 def test_data_for_a_scenario_that_takes_none_is_refused() -> None:
-    with pytest.raises(ScenarioError, match=r"plays no measured data.*given: /x"):
+    with pytest.raises(ScenarioError, match=r"uses no measured data.*given: /x"):
         load("paper", data=Path("/x"))
 
 
 WRONG = {
     "homes: []": r"market.yaml, line 7: homes: none; needed",
-    "homes: [{id: a}, {id: a}]": r'line 7: homes: "a" stands there twice',
+    "homes: [{id: a}, {id: a}]": r'line 7: homes: "a" appears twice',
     "homes: [{id: grid}]": r'line 7: homes: id "grid" is that of the grid agent',
     "homes: [{id: A}]": r"line 7: homes.0.id = 'A': permitted: text like p1",
     "homes: [{id: a, pv: 3}]": r"line 7: homes.0.pv: there is no such field; permitted: id, pv_kw, tilt_deg",
@@ -68,7 +68,7 @@ WRONG = {
     "homes: [{id: a}]\ndata: {kind: csv}": r"line 8: data.path: missing; needed: text",
     "homes: [{id: a}]\nnoise: {cloudiness: .nan}": r"line 8: noise.cloudiness = nan: permitted: a number from 0 to 1",
     "homes: [{id: a}]\nsite: {latitude: 91}": r"line 8: site.latitude = 91: permitted: a number from -90 to 90",
-    "homes: [{id: a}]\nname: again": r"line 8: name stands there twice; permitted: once",
+    "homes: [{id: a}]\nname: again": r"line 8: name appears twice; permitted: once",
     "homes: [{id: a}\nfleets: 3": r"line 8: is not YAML",
 }
 
@@ -165,7 +165,7 @@ class TestWith:
         [
             ("homes.3.pv_kw", "there is no member 3; permitted: 0 to 2"),
             ("homes.x.pv_kw", "there is no member x"),
-            ("seed.x", "x leads into a single value"),
+            ("seed.x", "x is inside a single value"),
             ("nois.cloudiness", "nois: there is no such field"),
             ("noise.cloud", "noise.cloud: there is no such field; permitted: cloudiness, load_level, load_noise"),
         ],

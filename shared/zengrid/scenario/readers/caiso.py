@@ -1,7 +1,7 @@
-"""CAISO OASIS exports: the shape of California's demand and solar output, scaled to homes.
+"""Reads CAISO OASIS exports: the shapes of California's demand and solar output, scaled to homes.
 
-Two reports serve: the system load SLD_FCST and, for PV, the renewables SLD_REN_FCST, each saved as CSV. Their lines
-come in any order and hold several areas, runs and kinds; one series is picked out of each.
+Two reports are used: the system load SLD_FCST and, for PV, the renewables SLD_REN_FCST, each saved as CSV. Their lines
+are in any order and hold several areas, runs and kinds; one series is selected from each.
 """
 
 from __future__ import annotations
@@ -37,16 +37,16 @@ def read_caiso(
     load, renewables:
         Exports of SLD_FCST and SLD_REN_FCST for the same days.
     area:
-        TAC_AREA_NAME whose demand is taken.
+        TAC_AREA_NAME whose demand is used.
     run:
-        MARKET_RUN_ID to take (ACTUAL, DAM, ...); may be left out where a file holds one only.
+        MARKET_RUN_ID to use (ACTUAL, DAM, ...); not needed if a file holds only one.
     solar_peak_kw:
         Output per rated kW that the highest solar value of the file stands for. [kW]
 
     Raises
     ------
     ScenarioError
-        Names the file, line and column of what is wrong, and what is permitted.
+        A file is invalid; the message names it, the line, the column and what is permitted.
     """
     demand, calendar = _series(CsvTable(load), {"TAC_AREA_NAME": area, "MARKET_RUN_ID": run})
     if not demand.any():
@@ -68,7 +68,7 @@ def read_caiso(
 
 
 def _series(table: CsvTable, wanted: dict[str, str | None], parts: str = "") -> tuple[Floats, tuple[CalendarDay, ...]]:
-    """One series in MW ``(day, step)``; where ``parts`` names a column, its values are added up."""
+    """Select one series in MW ``(day, step)``; if ``parts`` names a column, add up the series of its values."""
     rows = np.arange(len(table))
     for column, value in wanted.items():
         cells = np.array(table.text(column))

@@ -1,4 +1,4 @@
-"""CityLearn building files: hourly load and PV of measured homes, as published with the CityLearn Challenge 2022."""
+"""Reads CityLearn building files: hourly load and PV of measured homes, from the CityLearn Challenge 2022."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _HOLIDAY = 8
 _DAY_TYPES = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun", "holiday")
 _MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
 _MONTH_DAYS = (31, 28, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31)
-# The challenge's first release wrote its headers out.
+# Headers of the challenge's first release.
 _RENAME = {
     "Month": "month",
     "Hour": "hour",
@@ -40,13 +40,13 @@ _CALENDAR = ("month", "hour", "day_type")
 def read_citylearn(folder: Path) -> Profiles:
     """Read every ``Building_*.csv`` of a folder; building 5 gives the load and the PV series ``building_5``.
 
-    Loads are energies of an hour, so mean powers [kW]; PV is per rated power [W/kW]. Whole days are those that begin
-    with hour 1; what comes before the first and after the last is left out.
+    Loads are energies of an hour, so mean powers [kW]; PV is per rated power [W/kW]. Whole days begin with hour 1;
+    hours before the first and after the last whole day are left out.
 
     Raises
     ------
     ScenarioError
-        Names the file, line and column of what is wrong, and what is permitted.
+        A file is invalid; the message names it, the line, the column and what is permitted.
     """
     files = {match[1]: path for path in folder.glob("*.csv") if (match := re.fullmatch(r"Building_(\w+)", path.stem))}
     if not files:
@@ -59,7 +59,7 @@ def read_citylearn(folder: Path) -> Profiles:
         if first is None:
             first, (start, calendar) = table, _calendar(table)
         elif any(table.text(column) != first.text(column) for column in _CALENDAR):
-            _calendar(table)  # Says what is wrong with this file, if it is not merely another period.
+            _calendar(table)  # Raises if the file itself is invalid; otherwise it covers another period.
             raise ScenarioError(
                 f"{path}: its days are not those of {first.path.name}; needed: the same lines in all files"
             )
@@ -70,7 +70,7 @@ def read_citylearn(folder: Path) -> Profiles:
 
 
 def _calendar(table: CsvTable) -> tuple[int, tuple[CalendarDay, ...]]:
-    """Row of the first whole day, and the dates of all whole days; checks that no hour is missing or doubled."""
+    """Row of the first whole day, and the dates of all whole days; raises if an hour is missing or repeated."""
     hours, months = table.numbers("hour", 1), table.numbers("month", 1)
     kinds = table.numbers("day_type", 1)
     for column, values, top in (("hour", hours, _HOURS), ("month", months, 12), ("day_type", kinds, _HOLIDAY)):
@@ -82,7 +82,7 @@ def _calendar(table: CsvTable) -> tuple[int, tuple[CalendarDay, ...]]:
     if wrong.any():
         row = int(np.argmax(wrong)) + 1
         before, found = int(hours[row - 1]), int(hours[row])
-        fault = "stands there twice" if found == before else f"comes after hour {before}"
+        fault = "appears twice" if found == before else f"comes after hour {before}"
         raise table.error(row, "hour", f"hour {found} {fault}; permitted: hour {before % _HOURS + 1}")
     start = int(np.argmax(hours == 1))
     rows = range(start, len(hours) - _HOURS + 1, _HOURS)
@@ -96,7 +96,7 @@ def _calendar(table: CsvTable) -> tuple[int, tuple[CalendarDay, ...]]:
 
 
 def _days_of_month(months: list[int]) -> Iterator[int]:
-    """Day of the month of each day: the files give months only, so the first is counted back from the month's end."""
+    """Day of the month of each day: the first is counted back from the month's end, as files give only months."""
     until_end = next((i + 1 for i, (this, after) in enumerate(pairwise(months)) if this != after), 0)
     day = _MONTH_DAYS[months[0] - 1] - until_end + 1 if until_end else 1
     for position, month in enumerate(months):

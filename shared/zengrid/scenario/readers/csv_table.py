@@ -1,4 +1,4 @@
-"""A CSV file as named columns of text, whose numbers are checked and whose faults are told by line and column."""
+"""Reads a CSV file as named columns; errors name the line and column."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class CsvTable:
     path:
         The file, comma-separated, UTF-8.
     rename:
-        Other names under which a column may stand, to the name it is asked for.
+        Other names that a column may have in the file, and the name that is used instead.
 
     Raises
     ------
@@ -46,7 +46,7 @@ class CsvTable:
             raise ScenarioError(f'{path}, line 1: columns are separated by ";"; permitted: "," (and "." in numbers)')
         for position, name in enumerate(self.header):
             if name in self.header[:position]:
-                raise ScenarioError(f'{path}, line 1: column "{name}" stands there twice; permitted: once')
+                raise ScenarioError(f'{path}, line 1: column "{name}" appears twice; permitted: once')
         self._lines: Sequence[int] = range(2, len(lines) + 1)
         if "" in lines:
             self._lines = [number for number in self._lines if lines[number - 1]]
@@ -60,7 +60,7 @@ class CsvTable:
             rows = list(csv.reader(body))
             self._check_widths([len(row) for row in rows])
             return dict(zip(self.header, zip(*rows, strict=True), strict=True))
-        # One flat list of cells, for a list a line takes three times as long on a year of measurements.
+        # A flat list of cells: one list a line takes three times as long for a year of measurements.
         self._check_widths([line.count(",") + 1 for line in body])
         cells = ",".join(body).split(",")
         return {name: cells[position::width] for position, name in enumerate(self.header)}
@@ -77,7 +77,7 @@ class CsvTable:
         return len(self._lines)
 
     def text(self, column: str) -> Sequence[str]:
-        """The cells of a column as they stand in the file."""
+        """The cells of a column as in the file."""
         if column not in self.columns:
             there = ", ".join(self.header)
             raise ScenarioError(f'{self.path}, line 1: column "{column}" is missing; there are: {there}')
@@ -101,7 +101,7 @@ class CsvTable:
         return values
 
     def error(self, row: int, column: str, message: str) -> ScenarioError:
-        """An error about one cell; ``row`` counts from 0 below the header."""
+        """Return an error about one cell; ``row`` counts from 0 below the header."""
         return ScenarioError(f'{self.path}, line {self._lines[row]}, column "{column}": {message}')
 
 

@@ -1,4 +1,4 @@
-"""Plain CSV: a time stamp, and a PV and a load column for each home, with the unit at the end of each name."""
+"""Reads plain CSV: a time stamp, and a PV and a load column for each home with the unit at the end of its name."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def read_csv(
     Raises
     ------
     ScenarioError
-        Names the file, line and column of what is wrong, and what is permitted.
+        The file is invalid; the message names the line, the column and what is permitted.
     """
     table = CsvTable(path)
     step = stamps.clock_times(table, "time")

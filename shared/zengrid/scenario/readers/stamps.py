@@ -1,7 +1,7 @@
-"""Time stamps of measured data: from text to whole days of equal steps, or an error that says which line is wrong.
+"""Converts time stamps of measured data into whole days of equal steps; errors name the line.
 
-Days always have 24 hours here. Stamps with an offset from UTC are put on the standard time of their zone, all year
-round, so no measurement is dropped or repeated; stamps without one are taken as they stand, and must not jump.
+Every day has 24 hours. Stamps with an offset from UTC are converted to the standard time of their zone, all year round,
+so no measurement is dropped or repeated. Stamps without an offset are used as they are, and must not skip or repeat.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _SUNDAY = 6
 
 
 def zone(name: str, where: str) -> tzinfo:
-    """The time zone of that name; ``where`` is the field that names it."""
+    """Return the time zone of a name; ``where`` is the field that names it, for errors."""
     from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
     try:
@@ -34,7 +34,7 @@ def zone(name: str, where: str) -> tzinfo:
 
 
 def clock_times(table: CsvTable, column: str) -> int | None:
-    """The step of a typical day, whose stamps are 00:00, 00:15, ... without a date [min]; None where they are dates."""
+    """The step of a typical day, whose stamps are 00:00, 00:15, ... without a date; None if they are dates. [min]"""
     cells = table.text(column)
     if len(cells[0].strip()) > len("00:00"):
         return None
@@ -48,7 +48,7 @@ def clock_times(table: CsvTable, column: str) -> int | None:
 
 
 def dates(table: CsvTable, column: str, timezone: str | None) -> Minutes:
-    """Stamps as minutes since 1970, on the standard time of their zone where they have an offset. [min]"""
+    """Stamps as minutes since 1970, in the standard time of their zone if they have an offset. [min]"""
     given: list[datetime] = []
     for row, cell in enumerate(table.text(column)):
         try:
@@ -90,9 +90,9 @@ def _standard_time(table: CsvTable, column: str, given: list[datetime], timezone
 def even_step(
     table: CsvTable, column: str, minutes: Minutes, rows: NDArray[np.intp], timezone: str | None = None
 ) -> int:
-    """The one step between stamps; an error where one is missing, doubled or out of order. [min]
+    """Return the step between stamps; raises ScenarioError if one is missing, repeated or out of order. [min]
 
-    ``rows`` are the lines of the table that the stamps stand on.
+    ``rows`` are the rows of the table that hold the stamps.
     """
     if len(minutes) < 2:
         raise ScenarioError(f"{table.path}: one time only; needed: at least one whole day")
@@ -107,7 +107,7 @@ def even_step(
             permitted = "times with their offset from UTC (2024-03-10T10:00Z), or standard time all year"
             raise table.error(row, column, f"{this} after {last}: daylight saving {change}; permitted: {permitted}")
         if found == 0:
-            raise table.error(row, column, f"{this} stands there twice; permitted: each time once")
+            raise table.error(row, column, f"{this} appears twice; permitted: each time once")
         if found < 0:
             raise table.error(row, column, f"{this} after {last} is out of order; permitted: increasing times")
         fault = f"{_time(minutes[before] + step)} is missing" if found % max(step, 1) == 0 else "the step changes"
@@ -120,7 +120,7 @@ def even_step(
 
 
 def whole_days(path: Path, minutes: Minutes, step: int) -> tuple[slice, tuple[CalendarDay, ...]]:
-    """Which stamps make up whole days from midnight to midnight, and the dates of these days."""
+    """Return the part of the stamps that forms whole days from midnight to midnight, and the dates of these days."""
     start = int(-minutes[0] % DAY) // step
     count = (len(minutes) - start) * step // DAY
     if count < 1:
@@ -141,7 +141,7 @@ def _time(minutes: int | np.int64) -> str:
 def _clocks_changed(stamp: str, timezone: str | None) -> bool:
     moment = datetime.fromisoformat(stamp)
     if timezone is None:
-        # Without a zone: clocks change in the small hours of a Sunday, in most places.
+        # Without a zone: in most places, clocks change early on a Sunday morning.
         return moment.weekday() == _SUNDAY and moment.hour <= 4
     local = zone(timezone, "data.timezone")
     noon = moment.replace(hour=12, tzinfo=local)
