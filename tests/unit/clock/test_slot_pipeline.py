@@ -11,8 +11,8 @@ from support.random_slots import seeded
 from zengrid.core.baselines import conventional
 from zengrid.core.settle import settle
 from zengrid.core.state import Action
-from zengrid.journal import Journal, Roster, Run, SlotRecord, Totals
-from zengrid.journal.record import BaselineSlot
+from zengrid.journal import Journal, RosterRecord, RunTotals, RunWriter, SlotRecord
+from zengrid.journal.slot_record import BaselineSlot
 from zengrid_clock.journal_writer import JournalWriter
 from zengrid_clock.latencies import Latencies
 from zengrid_clock.run_state import RunState
@@ -22,7 +22,7 @@ from zengrid_clock.slot_records import PlayedSlot, public_slot, settled_slot
 HOMES, DT_H, SLOTS_PER_DAY = 3, 0.25, 96
 
 
-def played(state: RunState, of: Roster, fallback: list[bool]) -> PlayedSlot:
+def played(state: RunState, of: RosterRecord, fallback: list[bool]) -> PlayedSlot:
     slot = seeded(np.random.default_rng(state.slot), HOMES)
     command = conventional(slot.exogenous.pv_kw, slot.exogenous.load_kw, slot.market.homes)
     baseline = settle(slot.soc, Action(np.asarray(0.05), command), slot.exogenous, slot.market)
@@ -43,11 +43,11 @@ def played(state: RunState, of: Roster, fallback: list[bool]) -> PlayedSlot:
 class Market:
     """A pipeline over a real journal, which notes what it publishes."""
 
-    def __init__(self, run: Run) -> None:
+    def __init__(self, run: RunWriter) -> None:
         self.run = run
-        self.state = RunState(SLOTS_PER_DAY, 0.05, Totals(DT_H))
+        self.state = RunState(SLOTS_PER_DAY, 0.05, RunTotals(DT_H))
         self.journalled: list[int] = []
-        self.published: list[tuple[SlotRecord, Roster]] = []
+        self.published: list[tuple[SlotRecord, RosterRecord]] = []
         writer = JournalWriter(run, 1.0, lambda: False)
         self.pipeline = SlotPipeline(
             self.state,
