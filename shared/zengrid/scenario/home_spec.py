@@ -82,8 +82,8 @@ class BatterySpec(Spec):
 class LoadSpec(Spec):
     """A home's consumption: a named profile of the scenario's data, scaled."""
 
-    profile: Printable | None = Field(
-        default=None, max_length=200, description="Load profile of the scenario's data; null takes its first home's."
+    profile: str | None = Field(
+        default=None, max_length=200, description="Load profile of the scenario's data; null: that of its first home."
     )
     scale: float = Field(default=1.0, ge=0.0, le=1e6, description="Factor on the profile [-].")
 
@@ -97,14 +97,17 @@ class HomeSpec(Spec):
         default=None, ge=0.0, le=90.0, description="Slope of the panels, 0 is flat; null: see the scenario's PV [deg]."
     )
     azimuth_deg: float | None = Field(
-        default=None, ge=0.0, le=360.0, description="Where they face, 180 is south; null: see the scenario's PV [deg]."
+        default=None,
+        ge=0.0,
+        le=360.0,
+        description="Direction of the panels, 180 is south; null: see the scenario's PV [deg].",
     )
     battery: BatterySpec = Field(default_factory=BatterySpec, description="Its battery.")
     injection_max_kw: float = Field(
         default=10.0, ge=0.0, le=1e6, description="Limit of the meter in both directions [kW]."
     )
-    load: LoadSpec = Field(default_factory=LoadSpec, description="What it consumes.")
-    seed: int = Field(default=0, ge=0, lt=2**63, description="Changes the home's own noise and nothing else.")
+    load: LoadSpec = Field(default_factory=LoadSpec, description="Its consumption.")
+    seed: int = Field(default=0, ge=0, lt=2**63, description="Changes only the home's own noise.")
 
 
 _home_values = attrgetter(*(name if name in HomeSpec.model_fields else f"battery.{name}" for name in HOME_FIELDS))

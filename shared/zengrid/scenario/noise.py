@@ -20,7 +20,7 @@ class Noise(Spec):
     """How days differ from their profile, and homes from each other. All 0 plays the profiles as they are."""
 
     cloudiness: float = Field(
-        default=0.0, ge=0.0, le=1.0, description="Share of the sun's energy that clouds take [-]."
+        default=0.0, ge=0.0, le=1.0, description="Share of the sun's energy that clouds absorb [-]."
     )
     load_level: float = Field(default=0.0, ge=0.0, le=1.0, description="Standard deviation of a home's day [-].")
     load_noise: float = Field(default=0.0, ge=0.0, le=1.0, description="Standard deviation of a home's slot [-].")

@@ -23,7 +23,7 @@ class Draw(Spec):
 
     min: float | None = Field(default=None, description="Lowest value.")
     max: float | None = Field(default=None, description="Highest value.")
-    shape: Literal["flat", "bell"] = Field(default="bell", description="Evenly spread, or mostly near the middle.")
+    shape: Literal["flat", "bell"] = Field(default="bell", description="Uniform, or mostly near the middle.")
     step: float = Field(default=0.0, ge=0.0, description="Round to multiples of this; 0 does not round.")
     weights: dict[float, float] | None = Field(default=None, description="Value: weight, instead of min and max.")
 
@@ -64,7 +64,7 @@ class Population(Spec):
     seed: int = Field(default=1, ge=0, lt=2**63, description="Another seed draws other homes.")
     pv_kw: Draw = Field(description="Rated PV power [kW].")
     tilt_deg: Draw = Field(description="Slope of the panels [deg].")
-    azimuth_deg: Draw = Field(description="Where they face, 180 is south [deg].")
+    azimuth_deg: Draw = Field(description="Direction of the panels, 180 is south [deg].")
     battery_kwh: Draw = Field(description="Battery capacity; 0 is none [kWh].")
     battery_c_rate: float = Field(default=0.4, gt=0.0, le=100.0, description="Battery power per capacity [1/h].")
     soc_min: float = Field(default=0.1, ge=0.0, le=1.0, description="Lowest permitted state of charge [-].")

@@ -70,13 +70,13 @@ class ConsumerSpec(Spec):
     """A plain consumer, which buys at the sell price and has nothing to decide."""
 
     name: Id
-    profiles: tuple[str, ...] = Field(min_length=1, description="Load profiles of the data; they are added up.")
+    profiles: tuple[str, ...] = Field(min_length=1, description="Load profiles of the data, which are added up.")
     scale: float = Field(default=1.0, ge=0.0, le=1e6, description="Factor on their sum [-].")
     noise_share: float = Field(
         default=1.0,
         ge=0.0,
         le=1.0,
-        description="How much of the scenario's load noise it has: less for many together [-].",
+        description="Share of the scenario's load noise; less for many customers together [-].",
     )
 
 
@@ -84,16 +84,19 @@ class Split(Spec):
     """Days that are reserved for evaluation and never used in training."""
 
     evaluation_days: int = Field(
-        default=10_000, ge=1, le=10**9, description="Of a typical day: so many days from day 0 on are for evaluation."
+        default=10_000, ge=1, le=10**9, description="Of a typical day: number of days from day 0 for evaluation."
     )
     evaluation_months: tuple[Annotated[int, Field(ge=1, le=12)], ...] | None = Field(
         default=None,
         min_length=1,
         max_length=12,
-        description="Of measured days: these months; null takes every so many days instead.",
+        description="Of measured days: months for evaluation; null: see evaluation_every.",
     )
     evaluation_every: int = Field(
-        default=4, ge=2, le=10_000, description="Of measured days without evaluation_months: one day of so many."
+        default=4,
+        ge=2,
+        le=10_000,
+        description="Of measured days without evaluation_months: one of this many days is for evaluation.",
     )
 
 
@@ -102,14 +105,12 @@ class Scenario(Spec):
 
     name: Id
     title: str = Field(default="", max_length=200, description="One line for lists.")
-    description: str = Field(
-        default="", max_length=10_000, description="What it shows, and where its numbers are from."
-    )
-    seed: int = Field(default=0, ge=0, lt=2**63, description="Another seed gives other days, where there is noise.")
+    description: str = Field(default="", max_length=10_000, description="Purpose, and the source of the numbers.")
+    seed: int = Field(default=0, ge=0, lt=2**63, description="Another seed gives other days, if there is noise.")
     slot_minutes: int = Field(default=60, ge=1, le=DAY_MINUTES, description="Length of a slot; divides the day [min].")
     soc_reset: Literal["daily", "never"] = Field(
         default="never",
-        description="Whether stored energy starts anew each day (the paper's episodes) or carries over.",
+        description="`daily` resets stored energy each day (the paper's episodes), `never` carries it over.",
     )
     tariff: tuple[TariffStep, ...] = Field(min_length=1, max_length=DAY_MINUTES, description="Posted sell price.")
     buy_prices: tuple[Price, ...] = Field(
@@ -125,18 +126,22 @@ class Scenario(Spec):
     value_of_lost_load: float = Field(default=5.0, ge=0.0, le=1e6, description="Charge for unserved demand [$/kWh].")
     facilities: tuple[FacilitySpec, ...] = Field(min_length=1, max_length=1000, description="In order of dispatch.")
     homes: tuple[HomeSpec, ...] = Field(default=(), max_length=100_000, description="The prosumers, one by one.")
-    population: Population | None = Field(default=None, description="Or the prosumers drawn from distributions.")
+    population: Population | None = Field(
+        default=None, description="The prosumers, drawn from distributions; replaces homes."
+    )
     fleets: int | None = Field(
         default=None,
         ge=1,
         le=100_000,
-        description="So many agents fleet1, fleet2, ... share the homes; null: one each.",
+        description="Number of agents fleet1, fleet2, ... that share the homes; null: one agent for each home.",
     )
-    consumers: tuple[ConsumerSpec, ...] = Field(default=(), max_length=10_000, description="Those who only consume.")
-    site: Site | None = Field(default=None, description="Where it is, for PV that no data gives.")
-    data: Data = Field(default_factory=BuiltinData, description="Where the profiles come from.")
-    noise: Noise = Field(default_factory=Noise, description="How days differ; `off` for none.")
-    split: Split = Field(default_factory=Split, description="Which days are for evaluation.")
+    consumers: tuple[ConsumerSpec, ...] = Field(
+        default=(), max_length=10_000, description="Customers without PV and battery."
+    )
+    site: Site | None = Field(default=None, description="Place of the market, for PV that is not in the data.")
+    data: Data = Field(default_factory=BuiltinData, description="Source of the profiles.")
+    noise: Noise = Field(default_factory=Noise, description="Noise between days; `off` for none.")
+    split: Split = Field(default_factory=Split, description="Days for evaluation.")
 
     @field_validator("noise", mode="before")
     @classmethod

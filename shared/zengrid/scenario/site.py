@@ -46,12 +46,12 @@ class Site(Spec):
     longitude: float = Field(ge=-180.0, le=180.0, description="East is positive [deg].")
     timezone: str = Field(description="IANA name, such as America/Los_Angeles.")
     altitude_m: float = Field(default=0.0, ge=-500.0, le=9000.0, description="Above the sea [m].")
-    tilt_deg: float = Field(default=30.0, ge=0.0, le=90.0, description="Slope of PV, where a home gives none [deg].")
+    tilt_deg: float = Field(default=30.0, ge=0.0, le=90.0, description="Slope of PV, if a home gives none [deg].")
     azimuth_deg: float = Field(default=180.0, ge=0.0, le=360.0, description="Direction of PV, 180 is south [deg].")
     date: str = Field(
         default="04-15",
         pattern=r"^(0[1-9]|1[0-2])-(0[1-9]|[12]\d|3[01])$",
-        description="Month and day whose sun shines on a typical day; measured days have their own dates.",
+        description="Month and day of the sun on a typical day; measured days have their own dates.",
     )
 
 

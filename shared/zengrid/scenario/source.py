@@ -24,7 +24,7 @@ def _absolute(path: Path, info: ValidationInfo) -> Path:
 DataPath = Annotated[Path, AfterValidator(_absolute)]
 ContentHash = Annotated[
     str | None,
-    Field(pattern=r"^[0-9a-f]{64}$", description="SHA-256 of the files; where it is given, other content is refused."),
+    Field(pattern=r"^[0-9a-f]{64}$", description="SHA-256 of the files; if it is given, other content is refused."),
 ]
 
 
@@ -52,9 +52,9 @@ class CsvData(Spec):
     kind: Literal["csv"] = Field(description="A plain CSV.")
     path: DataPath = Field(description="The file; relative to the scenario file.")
     pv_rated_kw: float | dict[str, float] | None = Field(
-        default=None, description="Rated power of the measured PV, one number or one a name [kW]."
+        default=None, description="Rated power of the measured PV: one number, or one for each name [kW]."
     )
-    timezone: str | None = Field(default=None, description="IANA name; null takes the site's.")
+    timezone: str | None = Field(default=None, description="IANA name; null: that of the site.")
     sha256: ContentHash = None
 
     def files(self, slot_minutes: int) -> tuple[Path, ...]:
@@ -72,7 +72,7 @@ class CityLearnData(Spec):
     """A folder of CityLearn building files."""
 
     kind: Literal["citylearn"] = Field(description="CityLearn building files.")
-    path: DataPath | None = Field(default=None, description="The folder; may be given when the scenario is loaded.")
+    path: DataPath | None = Field(default=None, description="The folder; can be given when the scenario is loaded.")
     sha256: ContentHash = None
 
     def files(self, slot_minutes: int) -> tuple[Path, ...]:
@@ -99,10 +99,10 @@ class CaisoData(Spec):
     kind: Literal["caiso"] = Field(description="CAISO OASIS exports.")
     load: DataPath = Field(description="CSV of the report SLD_FCST; relative to the scenario file.")
     renewables: DataPath | None = Field(default=None, description="CSV of the report SLD_REN_FCST, for PV.")
-    area: str = Field(default="CA ISO-TAC", description="TAC_AREA_NAME whose demand is taken.")
-    market_run: str | None = Field(default=None, description="MARKET_RUN_ID to take; null where files hold one only.")
+    area: str = Field(default="CA ISO-TAC", description="TAC_AREA_NAME whose demand is used.")
+    market_run: str | None = Field(default=None, description="MARKET_RUN_ID to use; null if the files hold only one.")
     solar_peak_kw: float = Field(
-        default=0.75, gt=0.0, le=1.0, description="What the highest solar value stands for, per rated kW [kW]."
+        default=0.75, gt=0.0, le=1.0, description="Output per rated kW that the highest solar value represents [kW]."
     )
     sha256: ContentHash = None
 
