@@ -30,6 +30,7 @@ from zengrid.core.levels import level_commands
 from zengrid.env.facts import market_facts
 from zengrid.learn.evaluation import Evaluator, Played
 from zengrid.policy.network import GridNetwork, ProsumerNetwork
+from zengrid.policy.trained import FOLDER as SHIPPED
 from zengrid.scenario import Days, Scenario, load
 
 Floats = NDArray[np.float64]
@@ -49,8 +50,8 @@ def main() -> None:
     if not grids:
         raise SystemExit(f"{options.folder}: holds no file *-grid.safetensors; give a folder of zengrid train")
     paper = load("paper")
-    known, held = Evaluator(paper, Days(paper).training(chosen.train_days)), Evaluator.held_out(paper, chosen.days)
-    found = {}
+    known, held = Evaluator(paper, Days(paper).training(options.train_days)), Evaluator.held_out(paper, options.days)
+    results = {}
     print(f"{'':14}{'gap with hindsight [%]':>26}{'gap as informed [%]':>26}{'foresight [%]':>26}")
     for grid in grids:
         name = grid.name.removeprefix("best-").removesuffix("-grid.safetensors")

@@ -16,6 +16,7 @@ from typing import Literal
 
 import numpy as np
 
+from kit.script import parse_options, script_parser, write_results
 from zengrid.core.params import Facilities, Homes, MarketParams
 from zengrid.core.settle import settle
 from zengrid.core.state import Action, Exogenous

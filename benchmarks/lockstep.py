@@ -30,13 +30,10 @@ from kit.market import measure_up, paper_with
 from kit.rounds import Row, alternate, markdown, median, median_and_range, ratios, shown, values
 from kit.script import ROOT, parse_options, script_parser, write_results
 
-from zengrid.bus.client import Client
-from zengrid.bus.session import HANDOVER, RUNTIME
-from zengrid.errors import BusError
-from zengrid.journal import Journal
-from zengrid.scenario import dumps, load
-from zengrid.testing import free_endpoint
-from zengrid.wire.requests import Status
+PEERS = ROOT / "benchmarks" / "peers"
+sys.path.append(str(PEERS))
+from agent_rules import GRID_POLICY, PROSUMER_POLICY  # noqa: E402
+from same_market import reference  # noqa: E402
 
 ZENGRID, SECURED = "zengrid", "zengrid, certificates"
 PEER_SCRIPTS = {
@@ -55,15 +52,22 @@ CHECKED_SLOTS = 240
 """Slots of a zengrid run whose profits are compared with the core's."""
 
 
-def scenario_file(homes: int, folder: Path) -> str:
-    """The paper's market with so many prosumers."""
-    if homes == 3:
-        return "paper"
-    body = yaml.safe_load(dumps(load("paper")))
-    body["homes"] = [{**body["homes"][i % 3], "id": f"p{i + 1}"} for i in range(homes)]
-    path = folder / f"paper{homes}.yaml"
-    path.write_text(yaml.safe_dump(body))
-    return str(path)
+def main() -> None:
+    """Measure, print the tables, write the figures."""
+    options = parse_options(make_parser(), {"homes": [3], "rounds": 1, "seconds": 0.5})
+    results: dict[int, dict[str, list[Row]]] = {}
+    with tempfile.TemporaryDirectory(prefix="zengrid-lockstep-") as name:
+        certs = make_certificates(Path(name) / "certs", max(options.homes)) if options.certs else None
+        for homes in options.homes:
+            systems = choose_systems(options, homes, certs)
+            results[homes] = alternate(systems, options.rounds, ("slots_s", "slots/s"), f"{homes} homes")
+    print(table(results))
+    for homes, rows in results.items():
+        if options.certs:
+            print(comparison(f"{homes} homes, certificates:", rows[SECURED], rows[ZENGRID]))
+        if options.against:
+            print(comparison(f"{homes} homes, against {options.against}:", rows[ZENGRID], rows[str(options.against)]))
+    write_results(options.out, rounds=options.rounds, results=results)
 
 
 def make_parser() -> argparse.ArgumentParser:

@@ -18,7 +18,7 @@ from kit.rounds import Row
 from zengrid.bus.market_client import MarketClient
 from zengrid.errors import BusError
 from zengrid.journal import Journal
-from zengrid.scenario import load
+from zengrid.scenario import dumps, load
 from zengrid.testing import free_endpoint
 from zengrid.wire.queries import Status
 
@@ -160,7 +160,7 @@ def paper_with(homes: int, folder: Path) -> str:
     """The scenario ``paper``, with its three homes in turn until there are enough; written to a folder where needed."""
     if homes == 3:
         return "paper"
-    body = yaml.safe_load(load("paper").dump())
+    body = yaml.safe_load(dumps(load("paper")))
     body["homes"] = [{**body["homes"][i % 3], "id": f"p{i + 1}"} for i in range(homes)]
     path = folder / f"paper{homes}.yaml"
     path.write_text(yaml.safe_dump(body), encoding="utf-8")

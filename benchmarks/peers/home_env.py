@@ -1,7 +1,8 @@
 """One home of the scenario ``paper`` for Gymnasium, in plain Python numbers: as cheap as an environment can be.
 
-It follows the battery, meter and bill of zengrid's core (``zengrid.core.home``, ``zengrid.core.settle``) for one home
-with a lossless battery under a price schedule; ``check_bills`` plays random actions in both and compares the bills.
+It follows the battery, meter and bill of zengrid's core (``zengrid.core.home_physics``, ``zengrid.core.settle``) for
+one home with a lossless battery under a price schedule; ``check_bills`` plays random actions in both and compares the
+bills.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 from agent_rules import BUY_PRICES
 from zengrid.core.levels import level_commands
 from zengrid.env.vector import VectorMarket
-from zengrid.scenario import load
+from zengrid.scenario import Days, load
 
 DAYS = 64
 CHECKED_DAYS = 16
@@ -35,7 +36,7 @@ class HomeEnv(gymnasium.Env):
     def __init__(self) -> None:
         scenario = load("paper")
         homes, self.dt_h = scenario.market().homes, scenario.dt_h
-        days = scenario.days().days(scenario.days().training(DAYS))
+        days = Days(scenario).days(Days(scenario).training(DAYS))
         self.pv_kw: list[list[float]] = days.pv_kw[:, :, 0].tolist()
         self.load_kw: list[list[float]] = days.load_kw[:, :, 0].tolist()
         self.sell_price: list[list[float]] = days.sell_price.tolist()
@@ -81,7 +82,7 @@ def check_bills() -> str:
     A sentence to print.
     """
     scenario, env, rng = load("paper"), HomeEnv(), np.random.default_rng(0)
-    market, days = VectorMarket(scenario.market()), scenario.days()
+    market, days = VectorMarket(scenario.market()), Days(scenario)
     commands_kw = level_commands(scenario.battery_levels, scenario.market().homes)
     largest = 0.0
     for number in days.training(DAYS)[:CHECKED_DAYS]:

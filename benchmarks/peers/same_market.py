@@ -19,7 +19,7 @@ import numpy as np
 from agent_rules import GRID_POLICY, PROSUMER_POLICY
 from zengrid.core.settle import settle
 from zengrid.core.state import Action
-from zengrid.scenario import Scenario, load
+from zengrid.scenario import Days, Scenario, load
 
 
 class Environment:
@@ -33,7 +33,7 @@ class Environment:
 
     def __init__(self, homes: int) -> None:
         self.scenario = scenario = paper(homes)
-        self.market, self.days = scenario.market(), scenario.days()
+        self.market, self.days = scenario.market(), Days(scenario)
         self.limits_kw = list(
             zip(self.market.homes.charge_max_kw.tolist(), self.market.homes.discharge_max_kw.tolist(), strict=True)
         )
@@ -94,7 +94,7 @@ def reference(homes: int, slots: int) -> tuple[list[float], list[list[float]]]:
     from zengrid.policy.registry import make_grid_policy, make_prosumer_policy
 
     scenario = paper(homes)
-    market, days = VectorMarket(scenario.market(), (), scenario.buy_prices), scenario.days()
+    market, days = VectorMarket(scenario.market(), (), scenario.buy_prices), Days(scenario)
     prosumers = make_prosumer_policy(PROSUMER_POLICY, market_facts(scenario, scenario.home_ids))
     grid = make_grid_policy(GRID_POLICY, market_facts(scenario))
     profits, bills = [], []

@@ -19,9 +19,9 @@ from zengrid.policy.network import ProsumerNetwork
 from zengrid.policy.registry import make_prosumer_policy
 from zengrid.policy.views import ProsumerPolicy, ProsumerView
 from zengrid.scenario.home_spec import HomeSpec
-from zengrid.wire.codec import explain
-from zengrid.wire.requests import JoinReply, JoinRequest, PolicyReply, PolicyRequest
-from zengrid.wire.slots import FleetObservation
+from zengrid.validation import first_error
+from zengrid.wire.queries import JoinReply, JoinRequest, PolicyReply, PolicyRequest
+from zengrid.wire.slot_structs import FleetObservationStruct
 from zengrid_agent.answers import policy_reply, slot_of
 from zengrid_agent.facts import market_facts
 from zengrid_agent.learning import Learning

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from zengrid.scenario.home_spec import HomeSpec
-from zengrid.wire.requests import JoinRequest
+from zengrid.wire.queries import JoinRequest
 from zengrid_clock.actions import CommandRange
 from zengrid_clock.barrier import SlotPhase
 

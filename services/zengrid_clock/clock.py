@@ -90,7 +90,7 @@ class BatteryPhase(NamedTuple):
 class Clock:
     """Runs the market over a hub and a journal until its last day, a stop request, or a signal."""
 
-    def __init__(self, scenario: Scenario, days: Days, hub: Hub, run: RunWriter, settings: ClockSettings) -> None:
+    def __init__(self, scenario: Scenario, days: Days, hub: ClockLink, run: RunWriter, settings: ClockSettings) -> None:
         self.scenario = scenario
         self.settings = settings
         self.run = run
@@ -141,8 +141,8 @@ class Clock:
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, lambda *_: self.pace.end())
         name = self.hub.keys.run
-        self.hub.serve_beside(self.hub.keys.history, lambda payload: history_reply(payload, self.run, name))
-        self.hub.serve_beside(
+        self.hub.serve_in_thread(self.hub.keys.history, lambda payload: history_reply(payload, self.run, name))
+        self.hub.serve_in_thread(
             self.hub.keys.scenario, lambda payload: scenario_reply(payload, dumps(self.scenario), name)
         )
         self.hub.announce()

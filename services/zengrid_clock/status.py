@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from zengrid.wire.requests import AgentStatus, HomesStatus, Status, Totals
+from zengrid.wire.queries import AgentStatus, HomesStatus, Status, Totals
 
 if TYPE_CHECKING:
     from zengrid.journal import RunTotals

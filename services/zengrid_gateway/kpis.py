@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
 from zengrid.journal import RunTotals
-from zengrid.wire.requests import Status, Totals
+from zengrid.wire.queries import Status, Totals
 
 Floats = NDArray[np.float64]
 

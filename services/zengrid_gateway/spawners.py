@@ -8,7 +8,7 @@ from fastapi import APIRouter, Header, Path, Response
 from pydantic import BaseModel, ConfigDict, Field
 
 from zengrid.scenario import HomeSpec
-from zengrid.scenario.home import Printable
+from zengrid.scenario.home_spec import Printable
 from zengrid.wire.base import AgentId
 from zengrid.wire.spawner_queries import ProcessStatus, SpawnerStatus, SpawnRequest, StopRequest
 from zengrid_gateway.access import OPERATE

@@ -11,7 +11,7 @@ from zengrid.journal import Journal, SlotRecord
 from zengrid.policy.facts import MarketFacts
 from zengrid.policy.registry import make_grid_policy, make_prosumer_policy
 from zengrid.scenario import Days, Scenario, load
-from zengrid.testing import Market
+from zengrid.testing import RunningMarket
 
 DAYS = 3
 COMPARED = ("soc", "battery_kw", "injection_kw", "bill", "demand_kw", "facility_kw", "facility_cost", "curtailed_kw",

@@ -15,8 +15,8 @@ from support.network_hosts import NetworkHosts, why_not
 from zengrid.journal import Journal
 from zengrid.journal.audit import audit
 from zengrid.scenario.home_spec import HomeSpec
-from zengrid.testing import Market, free_port
-from zengrid.wire.spawner import SpawnRequest
+from zengrid.testing import RunningMarket, free_port
+from zengrid.wire.spawner_queries import SpawnRequest
 from zengrid_cli.certs import main as certs_command
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]

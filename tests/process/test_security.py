@@ -29,7 +29,7 @@ from zengrid.errors import BusError, SecurityError
 from zengrid.journal import Journal
 from zengrid.journal.audit import audit
 from zengrid.scenario.home_spec import HomeSpec
-from zengrid.testing import Market
+from zengrid.testing import RunningMarket
 from zengrid.wire.base import Message
 from zengrid.wire.codec import JSON, decode, encode
 from zengrid.wire.queries import ControlRequest, HistoryRequest, JoinRequest, LeaveRequest, Refusal, ScenarioRequest

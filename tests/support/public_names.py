@@ -15,8 +15,8 @@ from prometheus_client.core import Metric
 from message_schemas import MESSAGES
 from support.doc_pages import ROOT
 from support.sample_status import status
-from zengrid.journal.columns import COLUMNS
-from zengrid.journal.totals import TOTALS
+from zengrid.journal.slot_columns import COLUMNS
+from zengrid.journal.totals import MARKET_TOTALS
 from zengrid.scenario import Scenario
 from zengrid_gateway.access import Access
 from zengrid_gateway.app import create_app
@@ -66,7 +66,7 @@ def http_names() -> set[str]:
 
 def journal_names() -> set[str]:
     """Columns of the journal's slots, and its totals."""
-    return {*COLUMNS, *TOTALS}
+    return {*COLUMNS, *MARKET_TOTALS}
 
 
 def scenario_fields() -> set[str]:

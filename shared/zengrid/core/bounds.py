@@ -52,10 +52,10 @@ def best_response(
 ) -> BestResponse:
     """Best response of every home to known prices and profiles, by dynamic programming.
 
-    With evenly spread ``commands_kw`` and lossless batteries the bill is the least that *those commands* can reach, up to
-    rounding. Otherwise it is that of a feasible day, at or above the least one (``zengrid.core.milp``): in the tests by
-    half a cent a day at most, two cents if the meter's limit can bind. Of equally cheap days it takes the one with the
-    emptiest battery, which matters to the grid alone (see ``zengrid.core.leader``).
+    With evenly spread ``commands_kw`` and lossless batteries the bill is the least that *those commands* can reach, up
+    to rounding. Otherwise it is that of a feasible day, at or above the least one (``zengrid.core.milp``): in the tests
+    by half a cent a day at most, two cents if the meter's limit can bind. Of equally cheap days it takes the one with
+    the emptiest battery, which matters to the grid alone (see ``zengrid.core.leader``).
 
     Parameters
     ----------

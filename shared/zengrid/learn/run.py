@@ -19,7 +19,8 @@ from zengrid.errors import PolicyError
 from zengrid.learn.checkpoint import Count, State, Values, read_tensors, read_values, save
 from zengrid.learn.evaluation import Changes, Evaluator, Outcome, Rank, Trained, plain
 from zengrid.learn.settings import Settings
-from zengrid.learn.training import Earned, Training
+from zengrid.learn.training import Earned, Progress, Training, training_shapes
+from zengrid.policy.tensor_file import TensorFile, naming
 from zengrid.scenario import Scenario, dumps
 from zengrid.scenario.files import loads
 from zengrid.validation import first_error
@@ -181,8 +182,6 @@ class Run:
         self.seconds = 0.0
         self._earned: list[Earned] = []
         self.best: list[Kept | None] = [None] * len(plan.seeds)
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / SCENARIO).write_text(dumps(plan.scenarios[0]), encoding="utf-8")
 
     @classmethod
     def resume(cls, folder: Path, device: str = "cpu") -> Self:
@@ -251,7 +250,7 @@ class Run:
             of a training that was stopped and resumed are those of one that was not.
         """
         self.folder.mkdir(parents=True, exist_ok=True)
-        (self.folder / SCENARIO).write_text(self.plan.scenarios[0].dump(), encoding="utf-8")
+        (self.folder / SCENARIO).write_text(dumps(self.plan.scenarios[0]), encoding="utf-8")
         training, day = self.training, self.training.step // self.plan.scenarios[0].slots_per_day
         ends = training.done
         while not ends:

@@ -34,6 +34,7 @@ from zengrid.learn.own_model import OwnModel, repeat_homes
 from zengrid.learn.scaling import Scaling, scales
 from zengrid.learn.settings import Settings
 from zengrid.policy.file import Layer, PolicyFile
+from zengrid.policy.tensor_file import Shape
 from zengrid.scenario import Days, Scenario
 
 Floats = NDArray[np.float64]

@@ -78,9 +78,10 @@ def _read_price(text: str) -> float | None:
 
 def _fixed(facts: MarketFacts, price: float | None) -> GridPolicy:
     if price is None:
-        # The price of a market without demand response, where it may be set.
-        known = any(abs(level - BASELINE_BUY_PRICE) <= 1e-9 for level in facts.buy_prices)
-        price = BASELINE_BUY_PRICE if known else min(facts.buy_prices)
+        # The market's price without demand response, if the grid may set it.
+        price = facts.baseline_buy_price
+        if not any(abs(level - price) <= 1e-9 for level in facts.buy_prices):
+            price = min(facts.buy_prices)
     return FixedPrice(facts, price)
 
 
@@ -159,18 +160,14 @@ def _make(text: str, facts: MarketFacts, known: dict[str, Rule[P]], role: str) -
         raise PolicyError(f"policy = {text}: {error}") from None
 
 
-def _seed(text: str) -> int:
-    text = text.removeprefix("seed=")
-    if text and not text.isdecimal():
-        raise PolicyError(f"seed = {text}: permitted is a whole number from 0 up")
-    return int(text or 0)
-
-
-def _price(text: str, facts: MarketFacts) -> float:
-    if not text:
-        # The market's price without demand response, if the grid may set it.
-        price = facts.baseline_buy_price
-        return price if any(abs(level - price) <= 1e-9 for level in facts.buy_prices) else min(facts.buy_prices)
+def _read(text: str, known: dict[str, Rule[P]], role: str) -> tuple[Rule[P], Any]:
+    """The rule that a text names, and what it has read behind the colon."""
+    name, colon, rest = text.partition(":")
+    if name not in known:
+        raise PolicyError(f"policy = {text}: a {role} can play {', '.join(known)}, or a *{SUFFIX} file")
+    rule = known[name]
+    if colon and rule.read is _nothing:
+        raise PolicyError(f"policy = {text}: {name} takes nothing after its name")
     try:
         return rule, rule.read(rest)
     except PolicyError as error:

@@ -12,6 +12,7 @@ import numpy as np
 from zengrid.core.state import Exogenous
 from zengrid.errors import ScenarioError
 from zengrid.scenario import Days, dumps
+from zengrid.scenario.files import write
 from zengrid.scenario.scenario import Scenario
 
 ProfileFormat = Literal["csv", "parquet"]

@@ -8,7 +8,9 @@ from typing import Any
 
 from pydantic import ValidationError
 
-FieldPath = tuple[str | int, ...]
+from zengrid.scenario.home_spec import PRINTABLE
+from zengrid.validation import FieldPath, field_name, short_value
+
 JsonSchema = Mapping[str, Any]
 
 _SHOWN = 10
@@ -60,7 +62,7 @@ def _place(loc: Sequence[str | int], given: object, *, missing: bool) -> FieldPa
 
 def _describe(finding: Any, place: FieldPath, schema: JsonSchema, given: object) -> tuple[str, FieldPath]:
     """Text about one error, and the path of its field."""
-    kind, path = finding["type"], ".".join(map(str, place))
+    kind, path = finding["type"], field_name(place)
     if kind == "value_error":
         message = finding["msg"].removeprefix("Value error, ")
         if not path or message.startswith("permitted"):

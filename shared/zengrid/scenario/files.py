@@ -11,9 +11,16 @@ import yaml
 from pydantic import ValidationError
 
 from zengrid.errors import ScenarioError
-from zengrid.scenario.explain import FieldPath, explain
+from zengrid.scenario.explain import explain
 from zengrid.scenario.scenario import Scenario
 from zengrid.scenario.source import BuiltinData, content_hash
+from zengrid.validation import FieldPath
+
+try:
+    from yaml import CSafeDumper as SafeDumper
+    from yaml import CSafeLoader as SafeLoader
+except ImportError:  # built without the C library
+    from yaml import SafeDumper, SafeLoader  # type: ignore[assignment]
 
 _BUILTIN = Path(__file__).parent / "builtin"
 _POWER = re.compile(r"[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)[eE][-+]?[0-9]+$")
@@ -101,6 +108,35 @@ def loads(
     except ValidationError as error:
         found = explain(error, fields, Scenario.model_json_schema(by_alias=True), _lines(node)).splitlines()
         raise ScenarioError("\n".join(f"{where}, {line}" for line in found)) from None
+
+
+def parse(text: str) -> dict[str, Any]:
+    """Return the fields of a scenario as text, without checking them.
+
+    Raises
+    ------
+    ScenarioError
+        The text is not YAML.
+    """
+    return _parsed(text, "scenario")[0]
+
+
+def _parsed(text: str, where: str) -> tuple[dict[str, Any], yaml.Node | None]:
+    loader = _Loader(text)
+    try:
+        _refuse_depth(text, where)
+        node = loader.get_single_node()
+        _refuse_doubles(node, where)
+        fields = loader.construct_document(node) if node is not None else None
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        line = f", line {mark.line + 1}" if mark is not None else ""
+        raise ScenarioError(f"{where}{line}: is not YAML ({getattr(error, 'problem', error)})") from None
+    finally:
+        loader.dispose()
+    if not isinstance(fields, dict):
+        raise ScenarioError(f"{where}: holds no fields; needed: name, tariff, facilities, homes and the like")
+    return fields, node
 
 
 def dumps(scenario: Scenario) -> str:

@@ -34,7 +34,13 @@ class Spec(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True, defer_build=True)
 
 
-class BatterySpec(Spec):
+class StrictSpec(Spec):
+    """A part that also arrives in messages, where a number must be a number: no text, and neither true nor false."""
+
+    model_config = ConfigDict(strict=True)
+
+
+class BatterySpec(StrictSpec):
     """A home's battery. The defaults, except the capacity, are those of the paper."""
 
     capacity_kwh: float = Field(
@@ -79,16 +85,16 @@ class BatterySpec(Spec):
         return min(max(wanted, self.soc_min), self.soc_max)
 
 
-class LoadSpec(Spec):
+class LoadSpec(StrictSpec):
     """A home's consumption: a named profile of the scenario's data, scaled."""
 
-    profile: str | None = Field(
+    profile: Printable | None = Field(
         default=None, max_length=200, description="Load profile of the scenario's data; null: that of its first home."
     )
     scale: float = Field(default=1.0, ge=0.0, le=1e6, description="Factor on the profile [-].")
 
 
-class HomeSpec(Spec):
+class HomeSpec(StrictSpec):
     """A prosumer's home, such as ``HomeSpec(id="p4", pv_kw=5, battery={"capacity_kwh": 10})``."""
 
     id: Id

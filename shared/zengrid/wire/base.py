@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler
 from pydantic_core import core_schema
 
-from zengrid.scenario.home import Printable
+from zengrid.scenario.home_spec import Printable
 
 MAX_HOMES = 100_000
 """Most homes one message may carry."""

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from zengrid.scenario.home_spec import HomeSpec, home_columns
+from zengrid.scenario.home_spec import HomeSpec, Printable, home_columns
 from zengrid.wire.base import MAX_HOMES, AgentId, Column, Instance, Message, Price, RunName
 from zengrid.wire.slots import SettledSlot
 

@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from zengrid.scenario.home_spec import HomeSpec
+from zengrid.scenario.home_spec import HomeSpec, Printable
 from zengrid.wire.base import AgentId, Message
 
 ProcessState = Literal["starting", "running", "restarting", "stopping", "given_up"]

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from numpy.typing import NDArray
 
-from support.markets import Slot, seeded, slots
+from support.random_slots import Slot, seeded, slots
 from zengrid.core.balances import balances
 from zengrid.core.settle import settle, total
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from support.markets import Slot, slots
+from support.random_slots import Slot, slots
 from zengrid.core.home_physics import battery_step, meter
 from zengrid.core.params import Facilities, Homes, MarketParams
 

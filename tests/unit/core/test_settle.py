@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from support.markets import Slot, slots
+from support.random_slots import Slot, slots
 from zengrid.core.params import Facilities, Homes, MarketParams
 from zengrid.core.settle import settle
 from zengrid.core.state import Action, Exogenous, Settlement

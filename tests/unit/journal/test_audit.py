@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from support.journals import SLOTS_PER_DAY, begin, changed, fill, record, roster
+from support.journal_records import SLOTS_PER_DAY, begin, changed, fill, record, roster
 from zengrid.journal import Journal
 from zengrid.journal.audit import FINDINGS_MAX, _sequence, audit
 from zengrid.journal.block import Block

@@ -81,7 +81,7 @@ def test_a_market_that_waits_for_its_journal_can_be_ended() -> None:
         until(said(market, "waiting: journal"), "the clock's word", market)
         market.processes["clock"].signal(signal.SIGTERM)
         assert market.processes["clock"].end() == 1
-        assert "can be committed again when this is fixed" in market.processes["clock"].said().splitlines()[-1]
+        assert "can be committed again when this is fixed" in market.processes["clock"].output().splitlines()[-1]
         away.rename(market.journal)
         market.start_clock("--resume")
         market.wait_for_slots(1, timeout_s=30)

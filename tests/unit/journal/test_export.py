@@ -78,11 +78,11 @@ def test_homes_come_back_to_the_last_bit(
         assert table[name].to_numpy().tobytes() == np.concatenate([getattr(one, column) for one in made]).tobytes()
 
 
-def test_without_homes(run: RunWriter, tmp_path: Path) -> None:
+def test_homes_can_be_left_out(run: RunWriter, tmp_path: Path) -> None:
     assert [path.name for path in export(run, tmp_path, homes=False)] == ["slots.csv", "scenario.yaml"]
 
 
-def test_some_days(run: RunWriter, tmp_path: Path) -> None:
+def test_only_the_given_days_are_exported(run: RunWriter, tmp_path: Path) -> None:
     steps: list[tuple[int, int]] = []
     paths = export(run, tmp_path, days=(1, 2), progress=lambda done, total: steps.append((done, total)))
     assert set(read(paths[0])["day"].to_pylist()) == {1}
@@ -91,7 +91,7 @@ def test_some_days(run: RunWriter, tmp_path: Path) -> None:
     assert steps == [(4, 96), (96, 96)]
 
 
-def test_days_that_are_not_there(run: RunWriter, tmp_path: Path) -> None:
+def test_days_outside_of_the_run_are_refused(run: RunWriter, tmp_path: Path) -> None:
     with pytest.raises(JournalError, match="no slot of day 7 or later is settled"):
         export(run, tmp_path, days=(7, None))
     with pytest.raises(JournalError, match="no slot of day 7 up to 8 is settled"):
@@ -99,7 +99,7 @@ def test_days_that_are_not_there(run: RunWriter, tmp_path: Path) -> None:
     assert not list(tmp_path.glob("slots*"))
 
 
-def test_a_place_that_cannot_be_written(run: RunWriter, tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_written_is_reported(run: RunWriter, tmp_path: Path) -> None:
     (tmp_path / "taken").write_text("")
     with pytest.raises(JournalError, match=r"export to .*taken"):
         export(run, tmp_path / "taken")
@@ -130,7 +130,7 @@ def test_run_names_are_quoted_in_csv(file: Path, tmp_path: Path) -> None:
         assert read(export(run, tmp_path / "out")[0])["run"].to_pylist() == ['a "b", c']
 
 
-def test_an_unknown_format(run: RunWriter, tmp_path: Path) -> None:
+def test_an_unknown_format_is_refused(run: RunWriter, tmp_path: Path) -> None:
     with pytest.raises(JournalError, match="format = 'xml': permitted: csv, parquet"):
         export(run, tmp_path, "xml")  # type: ignore[arg-type]
 

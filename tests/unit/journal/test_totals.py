@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from support.journals import DT_H, begin, record, roster
+from support.journal_records import DT_H, begin, record, roster
 from zengrid.errors import JournalError
 from zengrid.journal import Journal, RunTotals, SlotRecord
 from zengrid.journal.maintenance import prune

@@ -32,6 +32,7 @@ from zengrid.learn.settings import Settings
 from zengrid.policy.file import PolicyFile
 from zengrid.policy.tensor_file import TensorFile, write_tensors
 from zengrid.policy.trained import FOLDER, GENERIC
+from zengrid.scenario import dumps
 
 Arrays = dict[str, NDArray[Any]]
 Texts = dict[str, Any]
@@ -282,7 +283,7 @@ def test_markets_that_do_not_go_together_are_refused(folder: Path) -> None:
     fewer = PAPER.with_(homes=[home.model_dump() for home in PAPER.homes[:2]])
 
     def edit(arrays: Arrays, values: Texts) -> None:
-        values["plan"] |= {"scenarios": [PAPER.dump(), fewer.dump()], "scenario_of": [0, 1]}
+        values["plan"] |= {"scenarios": [dumps(PAPER), dumps(fewer)], "scenario_of": [0, 1]}
 
     change(folder / CHECKPOINT, edit)
     refused(folder, "number of homes: markets trained side by side must have the same")

@@ -27,6 +27,7 @@ from zengrid.learn.memory import Memory
 from zengrid.learn.replay import Replay
 from zengrid.policy.file import Role
 from zengrid.policy.network import ProsumerNetwork
+from zengrid.policy.tensor_file import TensorFile, write_tensors
 from zengrid.scenario import Days
 
 NEVER = PAPER.with_(soc_reset="never")

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from support.policies import PAPER
+from support.policy_days import PAPER
 from zengrid.core.params import HOME_FIELDS, Homes
 from zengrid.core.settle import total
 from zengrid.env.facts import market_facts

@@ -45,7 +45,7 @@ def test_the_order_of_asking_does_not_matter(order: list[int]) -> None:
         same(days.day(number), fresh.days([number, *order]).slot(0))
 
 
-def test_portions_leave_no_seam(scenario: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_days_made_in_portions_are_the_same_days(scenario: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = Days(scenario).days(range(9))
     monkeypatch.setattr("zengrid.scenario.days._PORTION", 1)
     same(whole, Days(scenario).days(range(9)))
@@ -193,7 +193,7 @@ class TestSplit:
         ):
             Days(paper.with_(**{"split.evaluation_days": 10})).evaluation(11)
 
-    def test_labels(self, paper: Scenario) -> None:
+    def test_days_have_labels_and_no_dates_without_measured_data(self, paper: Scenario) -> None:
         days: Days = Days(paper)
         assert (days.count, days.label(12), days.date(12)) == (None, "day 12", None)
 

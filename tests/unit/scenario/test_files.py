@@ -225,17 +225,17 @@ def test_aliases_that_multiply_are_told_in_short() -> None:
 
 
 def test_numbers_with_an_exponent_are_numbers_and_texts_like_them_stay_texts(paper: Scenario) -> None:
-    fields = yaml.safe_load(paper.dump())
+    fields = yaml.safe_load(dumps(paper))
     fields["homes"][0] |= {"id": "1e1", "pv_kw": 4.0}
-    text = loads(yaml.safe_dump(fields).replace("id: 1e1", "id: '1e1'").replace("pv_kw: 4.0", "pv_kw: 1e1", 1)).dump()
+    text = dumps(loads(yaml.safe_dump(fields).replace("id: 1e1", "id: '1e1'").replace("pv_kw: 4.0", "pv_kw: 1e1", 1)))
     again = loads(text)
     assert (again.homes[0].id, again.homes[0].pv_kw) == ("1e1", 10.0)
-    assert again.dump() == text
+    assert dumps(again) == text
 
 
 @pytest.mark.parametrize("wrong", ["5", "true", "'5'", "1.0.0"])
 def test_in_a_home_a_number_is_a_number(paper: Scenario, wrong: str) -> None:
-    text = paper.dump().replace("capacity_kwh: 6.0", f"capacity_kwh: {wrong}", 1)
+    text = dumps(paper).replace("capacity_kwh: 6.0", f"capacity_kwh: {wrong}", 1)
     if wrong == "5":
         assert loads(text).homes[0].battery.capacity_kwh == 5.0  # whole numbers need no point
     else:
@@ -244,7 +244,7 @@ def test_in_a_home_a_number_is_a_number(paper: Scenario, wrong: str) -> None:
 
 
 def test_texts_that_a_log_could_not_show_are_refused(paper: Scenario) -> None:
-    fields = yaml.safe_load(paper.dump())
+    fields = yaml.safe_load(dumps(paper))
     fields["homes"][0]["load"] = {"profile": "p1\x1b[2J"}
     with pytest.raises(ScenarioError, match=r"homes\.0\.load\.profile: permitted are printable characters"):
         loads(yaml.safe_dump(fields))

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from zengrid.core.params import HOME_FIELDS, Homes
 from zengrid.scenario import BatterySpec, HomeSpec, homes_params
 from zengrid.scenario.home_spec import SMALLEST, home_columns
-from zengrid.wire.requests import HomeLimits
+from zengrid.wire.queries import HomeLimits
 
 
 def test_a_home_is_complete_with_pv_and_battery() -> None:
