@@ -15,7 +15,7 @@ ARGS ?=
 PYTEST_ARGS ?=
 BENCH ?= $(wildcard benchmarks/*.py)
 
-.PHONY: help up test lint format docs schemas bench policies clean
+.PHONY: help up test lint format docs reference schemas bench policies clean
 
 help:  ## list the targets
 	@sed -nE 's/^([a-z]+):[^#]*## (.*)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 16
@@ -39,6 +39,9 @@ format: .venv/.dev  ## let ruff mend what it can
 docs: .venv/.dev  ## build the documentation into site/
 	$(BIN)/mkdocs build --strict
 
+reference: .venv/.dev  ## write the reference of all commands, docs/command-line.md
+	$(BIN)/python tools/write_command_reference.py
+
 schemas: .venv/.base  ## write the message schemas and the AsyncAPI document into docs/protocol
 	$(BIN)/python tools/message_schemas.py docs/protocol
 
@@ -46,7 +49,7 @@ bench: .venv/.dev  ## run all benchmarks, or one: BENCH=benchmarks/lockstep.py A
 	@set -e; for script in $(BENCH); do echo "== $$script"; $(BIN)/python $$script $(ARGS); done
 
 policies: .venv/.dev  ## train the policies that come with zengrid anew, and evaluate them
-	$(BIN)/python -m zengrid_cli.policies $(ARGS)
+	$(BIN)/python tools/train_shipped_policies.py $(ARGS)
 
 clean:  ## remove the environment and everything that was built
 	rm -rf .venv build dist site .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis

@@ -24,12 +24,12 @@ from typing import Any
 import numpy as np
 
 from kit.script import parse_options, script_parser, write_results
+from zengrid.command_line.assignments import parse_assignments
 from zengrid.learn.evaluation import Changes, Evaluation, Evaluator, Trained, reaches
 from zengrid.learn.run import Plan, Report, Run, use_threads
 from zengrid.learn.settings import Settings
 from zengrid.policy.file import PolicyFile
 from zengrid.scenario import load
-from zengrid_cli.train import pairs
 
 
 def main() -> None:
@@ -69,7 +69,7 @@ def measure(options: argparse.Namespace, folder: Path) -> dict[str, Any]:
         scenario = scenario.with_(soc_reset=options.soc_reset)
     seeds = tuple(range(options.first_seed, options.first_seed + options.seeds))
     evaluator = Evaluator.held_out(scenario, options.days)
-    settings = Settings.preset(options.preset).with_(**pairs(options.changes))
+    settings = Settings.preset(options.preset).with_(**parse_assignments(options.changes))
     stopwatch = Stopwatch()
     run = Run(folder, Plan((scenario,) * len(seeds), seeds, settings, options.observation, ""))
     progress = Progress(run, seeds, evaluator, stopwatch)

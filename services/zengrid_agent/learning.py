@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import argparse
 import time
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
-from zengrid.errors import PolicyError
+from zengrid.learn.require_torch import load_learning_agents
 from zengrid.policy import trained
 from zengrid.policy.file import PolicyFile
 from zengrid.policy.registry import SUFFIX
@@ -25,17 +24,6 @@ CHECKPOINT = ".checkpoint"
 """Of files from which a learner goes on."""
 SAVE_S = 10.0
 """How often it is written down what was learned. [s]"""
-
-
-def load_torch() -> None:
-    """Load what learns: before a session is opened, since it takes seconds."""
-    try:
-        torch = import_module("torch")
-    except ImportError:
-        raise PolicyError("torch is not installed; needed by --learn: pip install 'zengrid[learn]'") from None
-    torch.set_num_threads(1)  # these networks are too small to be shared out among threads
-    import_module("torch._dynamo")  # optimisers load it at their first step
-    import_module("zengrid.learn.live_agents")
 
 
 class Learning:
@@ -58,9 +46,11 @@ class Learning:
         self.path = folder / f"{agent}{CHECKPOINT}"
         self._saved = time.monotonic()
         self._learner: Learner | None = None
-        load_torch()
+        load_learning_agents()
         # Only in the process that learns: what gradients are computed with does not survive a fork.
-        import_module("zengrid.learn.live_agents").warm_up()
+        from zengrid.learn.live_agents import warm_up
+
+        warm_up()
 
     def begin(self, facts: MarketFacts, policy: str) -> str:
         """Make the learner for a market; returns what to tell about where it starts from.

@@ -130,7 +130,7 @@ class AgentSession(ABC, Generic[Seen]):
     def say(self, text: str, level: logs.Level = "info") -> None:
         """One line for whoever started this process."""
         at = {} if self._last is None else {"day": self._last.day, "slot": self._last.slot}
-        logs.say(text, level, agent=self.request.agent, **at)
+        logs.print_message(text, level, agent=self.request.agent, **at)
 
     def _answer_at_once(self, arrival: ReceivedObservation) -> None:
         """Answer an observation on Zenoh's own thread, while the main thread waits for the end."""

@@ -3,129 +3,47 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
-import traceback
+from collections.abc import Sequence
 from contextlib import ExitStack
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from zengrid import logs
-from zengrid.errors import EXIT_INTERNAL, ZengridError
+from zengrid.command_line.command_parser import CommandParser
+from zengrid.command_line.log_options import add_log_options
+from zengrid.command_line.market_options import add_run_market_options, add_server_options
+from zengrid.command_line.run_command import run_command
+from zengrid.command_line.value_parsers import Number, WholeNumber
 
 if TYPE_CHECKING:
     from zengrid_clock.clock import Clock
 
 
-def parser() -> argparse.ArgumentParser:
-    """The command line of the clock."""
-    from zengrid.bus.keys import DEFAULT_RUN
-    from zengrid.bus.options import add_certs_option
-    from zengrid.bus.zenoh_session import DEFAULT_ENDPOINT
-
-    it = argparse.ArgumentParser(
-        prog="zengrid clock", description="Own the environment of a market: time, settlement, journal."
+def parser() -> CommandParser:
+    """Make the parser of the command line."""
+    it = CommandParser(
+        prog="zengrid clock",
+        description="Run the clock of a market: it owns time, settlement and the journal.",
+        examples=[
+            "zengrid clock --days 7",
+            "zengrid clock village --speed 60x --listen tcp/0.0.0.0:7447 --certs certs",
+        ],
     )
-    it.add_argument(
-        "scenario", nargs="?", default="paper", help="built-in scenario or YAML file (default: %(default)s)"
-    )
-    it.add_argument("--data", type=Path, help="folder with the scenario's measured data")
-    it.add_argument("--seed", type=int, help="seed of the days (default: the scenario's)")
-    it.add_argument(
-        "--soc-reset",
-        choices=["daily", "never"],
-        default="never",
-        help="daily: batteries start each day as the first, as in the paper's episodes (default: %(default)s)",
-    )
-    it.add_argument("--days", type=int, help="end after so many days (default: never)")
-    it.add_argument(
-        "--speed",
-        type=parse_speed,
-        default=0.0,
-        metavar="SPEED",
-        help="max, or times real time such as 60x (default: max)",
-    )
-    it.add_argument(
-        "--deadline",
-        type=float,
-        default=2.0,
-        metavar="S",
-        help="longest wait for a phase's answers (default: %(default)s s)",
-    )
-    it.add_argument(
+    add_run_market_options(it)
+    agents = it.add_argument_group("agents")
+    agents.add_argument(
         "--wait",
-        type=float,
+        type=Number(unit="s"),
         default=15.0,
-        metavar="S",
-        help="longest wait for the agents before the first slot (default: %(default)s s)",
+        metavar="SECONDS",
+        help="longest wait for the agents before the first slot",
     )
-    it.add_argument("--paused", action="store_true", help="stand still before the first slot")
-    it.add_argument(
-        "--max-homes", type=int, default=100_000, help="most homes this market takes (default: %(default)s)"
+    agents.add_argument(
+        "--max-homes", type=WholeNumber(1), default=100_000, metavar="N", help="largest number of homes in the market"
     )
-    it.add_argument(
-        "--journal",
-        default="zengrid.db",
-        metavar="FILE|URL",
-        help="where settled slots are kept (default: %(default)s)",
-    )
-    it.add_argument(
-        "--durability", choices=["normal", "full"], default="normal", help="full: survive power loss, not only crashes"
-    )
-    it.add_argument(
-        "--keep-days",
-        type=parse_days,
-        metavar="N",
-        help="delete all but the last N days from the journal (default: keep all)",
-    )
-    it.add_argument(
-        "--journal-wait",
-        type=float,
-        default=3600.0,
-        metavar="S",
-        help="longest wait for a journal that cannot take a slot, before the clock ends (default: %(default)s s)",
-    )
-    it.add_argument(
-        "--resume", action="store_true", help="go on with the run of this name in the journal, if it has not ended"
-    )
-    it.add_argument(
-        "--run",
-        default=os.environ.get("ZENGRID_RUN", DEFAULT_RUN),
-        metavar="NAME",
-        help="name of the market (default: %(default)s)",
-    )
-    it.add_argument(
-        "--listen",
-        default=os.environ.get("ZENGRID_LISTEN", DEFAULT_ENDPOINT),
-        metavar="ENDPOINT",
-        help="where agents connect (default: %(default)s)",
-    )
-    add_certs_option(it)
-    it.add_argument(
-        "--insecure", action="store_true", help="listen beyond this machine although nobody is authenticated"
-    )
-    logs.add_log_options(it)
+    add_server_options(it.add_argument_group("network"))
+    add_log_options(it)
     return it
-
-
-def parse_speed(text: str) -> float:
-    """``max`` -> 0, ``60x`` or ``60`` -> 60."""
-    if text == "max":
-        return 0.0
-    try:
-        speed = float(text.removesuffix("x"))
-    except ValueError:
-        speed = -1.0
-    if not 0 < speed <= 1e9:
-        raise argparse.ArgumentTypeError(f"speed = {text}: give max, or times real time such as 1x, 60x, 0.5x")
-    return speed
-
-
-def parse_days(text: str) -> int:
-    """A whole number from 1 up."""
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"days = {text}: give a whole number from 1 up")
-    return int(text)
 
 
 def open_clock(options: argparse.Namespace, stack: ExitStack) -> Clock:
@@ -154,7 +72,9 @@ def open_clock(options: argparse.Namespace, stack: ExitStack) -> Clock:
 
     def keeping(clock: Clock) -> Clock:
         if options.keep_days is not None:
-            clock.retention = stack.enter_context(Retention(journal, clock.run.name, options.keep_days, logs.say))
+            clock.retention = stack.enter_context(
+                Retention(journal, clock.run.name, options.keep_days, logs.print_message)
+            )
         return clock
 
     earlier = [info for info in journal.runs() if info.name.rpartition("-")[0] == options.run]
@@ -169,21 +89,14 @@ def open_clock(options: argparse.Namespace, stack: ExitStack) -> Clock:
     return keeping(clock)
 
 
-def main(arguments: list[str] | None = None) -> int:
+def main(arguments: Sequence[str]) -> int:
     """Run the clock until its market ends."""
     options = parser().parse_args(arguments)
-    logs.begin("clock", options, run=options.run)
-    try:
-        with ExitStack() as stack:
-            open_clock(options, stack).serve()
-    except ZengridError as error:
-        logs.fail(error)
-        return 1
-    except Exception as error:  # noqa: BLE001 - tells a fault of the program from one that the user can mend
-        logs.fail("".join(traceback.format_exception(error)))
-        return EXIT_INTERNAL
+    logs.configure("clock", options, run=options.run)
+    with ExitStack() as stack:
+        open_clock(options, stack).serve()
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_command("clock", main, sys.argv[1:]))

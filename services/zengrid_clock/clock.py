@@ -372,7 +372,7 @@ class Clock:
         except Exception as error:  # noqa: BLE001 - nothing that a stranger sends may end the market
             self.refused["internal"] += 1
             source = {} if event is None else {"kind": event.kind, "agent": event.agent}
-            logs.say("".join(traceback.format_exception(error)), "error", **source)
+            logs.print_message("".join(traceback.format_exception(error)), "error", **source)
             if event is not None:
                 self._requests.refuse_failed(event, error)
 

@@ -21,12 +21,12 @@ class EventLog:
 
     def log(self, level: logs.Level, event: str, **fields: object) -> None:
         """Log an event of the present slot."""
-        if logs.wants(level):
-            logs.note(level, event, day=self._state.day, slot=self._state.slot, **fields)
+        if logs.is_enabled(level):
+            logs.log_event(level, event, day=self._state.day, slot=self._state.slot, **fields)
 
     def slot_journalled(self, agents: Iterable[MarketAgent]) -> None:
         """Log every change of presence since the slot before, and every use of the fallback rule."""
-        if not logs.wants("info"):
+        if not logs.is_enabled("info"):
             return
         known, self._presence = self._presence, {}
         for agent in agents:

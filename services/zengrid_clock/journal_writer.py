@@ -74,14 +74,14 @@ class JournalWriter:
                 self._count_wait(error)
                 if str(error) != last_message:
                     last_message = str(error)
-                    logs.say(f"waiting: {last_message}", "warning", day=record.day, slot=record.slot)
+                    logs.print_message(f"waiting: {last_message}", "warning", day=record.day, slot=record.slot)
             until = time.monotonic() + RETRY_S
             while (left_s := until - time.monotonic()) > 0:
                 meanwhile(left_s)
         if self._away_since is not None:
             text = f"going on: slot {record.slot} of day {record.day} is settled, after {self.away_s:.1f} s"
             self._away_since = None
-            logs.say(text, "warning", day=record.day, slot=record.slot)
+            logs.print_message(text, "warning", day=record.day, slot=record.slot)
 
     def _count_wait(self, error: JournalUnavailableError) -> None:
         """Count the wait, and end it if the market is to end or has waited long enough."""

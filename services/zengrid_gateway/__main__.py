@@ -1,62 +1,71 @@
-"""``python -m zengrid_gateway``: show one market over HTTP."""
+"""``python -m zengrid_gateway``: shows one market over HTTP."""
 
 from __future__ import annotations
 
-import argparse
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from zengrid import logs
-from zengrid.bus.options import add_bus_options
-from zengrid.errors import ZengridError
+from zengrid.command_line.bus_options import add_bus_options
+from zengrid.command_line.command_parser import CommandParser
+from zengrid.command_line.log_options import add_log_options
+from zengrid.command_line.run_command import run_command
+from zengrid.command_line.value_parsers import Number, WholeNumber
 
 
-def parser() -> argparse.ArgumentParser:
-    """The command line of the gateway."""
-    it = argparse.ArgumentParser(prog="zengrid gateway", description="Show a market over HTTP: prices, history, page.")
-    add_bus_options(it)
-    it.add_argument("--host", default="127.0.0.1", metavar="ADDRESS", help="where to listen (default: %(default)s)")
-    it.add_argument("--port", type=int, default=8080, help="port, 0 for any free one (default: %(default)s)")
-    it.add_argument(
-        "--journal",
-        metavar="FILE|URL",
-        help="read history here, also of other runs, instead of asking the clock for its own",
+def parser() -> CommandParser:
+    """Make the parser of the command line."""
+    it = CommandParser(
+        prog="zengrid gateway",
+        description="Show a market over HTTP: prices, history, and a web page.",
+        examples=["zengrid gateway --port 8080", "zengrid gateway --host 0.0.0.0 --journal zengrid.db"],
     )
-    it.add_argument(
-        "--policies", type=Path, metavar="FOLDER", help="policy files, which answer where their agents are gone"
-    )
-    it.add_argument(
+    add_bus_options(it.add_argument_group("network"))
+    http = it.add_argument_group("HTTP")
+    http.add_argument("--host", default="127.0.0.1", metavar="ADDRESS", help="address to listen on")
+    http.add_argument("--port", type=WholeNumber(0, 65535), default=8080, metavar="PORT", help="port; 0: any free port")
+    http.add_argument(
         "--protect",
         choices=["nothing", "writing", "everything"],
-        help="what needs a token (default: nothing on loopback, elsewhere writing)",
+        help="which requests need a token (default: nothing on loopback, else writing)",
     )
-    it.add_argument(
+    http.add_argument(
         "--tokens",
         type=Path,
         metavar="FILE",
         help="hashes of the tokens, made when first needed (default: ~/.local/state/zengrid/tokens.json)",
     )
-    it.add_argument(
+    http.add_argument(
         "--rate",
-        type=float,
+        type=Number(),
         metavar="N",
-        help="requests a second of one client, 0 without limit (default: 0 on loopback, elsewhere 100)",
+        help="largest number of requests per second of one client; 0: no limit (default: 0 on loopback, else 100)",
     )
-    it.add_argument(
+    http.add_argument(
         "--cors",
         action="append",
         default=[],
         metavar="ORIGIN",
-        help="let pages of another site use this gateway, such as https://example.org; may be repeated",
+        help="allow pages of another site to use this gateway, such as https://example.org; may be repeated",
     )
-    logs.add_log_options(it)
+    data = it.add_argument_group("data")
+    data.add_argument(
+        "--journal",
+        metavar="FILE|URL",
+        help="read past slots here, also of other runs (default: ask the clock, which knows its own run alone)",
+    )
+    data.add_argument(
+        "--policies", type=Path, metavar="FOLDER", help="policy files, which act for agents that have gone"
+    )
+    add_log_options(it)
     return it
 
 
-def main(arguments: list[str] | None = None) -> int:
+def main(arguments: Sequence[str]) -> int:
     """Serve until a signal asks to stop."""
     options = parser().parse_args(arguments)
-    logs.begin("gateway", options, run=options.run)
+    logs.configure("gateway", options, run=options.run)
     # Loaded after the command line is known to be right: FastAPI takes a second.
     from zengrid_gateway.access import open_access
     from zengrid_gateway.app import create_app
@@ -76,13 +85,9 @@ def main(arguments: list[str] | None = None) -> int:
         rate=options.rate,
         origins=tuple(options.cors),
     )
-    try:
-        serve(create_app(settings, open_access(settings.protected, settings.tokens)), settings)
-    except ZengridError as error:
-        logs.fail(error)
-        return 1
+    serve(create_app(settings, open_access(settings.protected, settings.tokens)), settings)
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_command("gateway", main, sys.argv[1:]))

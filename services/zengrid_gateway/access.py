@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import ipaddress
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -21,15 +19,6 @@ Protect = Literal["nothing", "writing", "everything"]
 _bearer = HTTPBearer(
     auto_error=False, description="A token of the gateway; needed unless it listens on loopback alone."
 )
-
-
-@lru_cache(maxsize=1000)
-def is_loopback(host: str) -> bool:
-    """Whether an address can only be reached from this machine."""
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +55,7 @@ def open_access(protect: Protect, path: Path) -> Access:
         return Access(protect, Tokens({}))
     tokens, made = Tokens.load(path)
     for role, token in made.items():
-        logs.say(f"token to {role}, shown this one time: {token}")
+        logs.print_message(f"token to {role}, shown this one time: {token}")
     return Access(protect, tokens)
 
 

@@ -10,9 +10,9 @@ from http import HTTPStatus
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from zengrid import logs
+from zengrid.bus.addresses import is_loopback
 from zengrid.rate_limit import RateLimit
 from zengrid_gateway import bodies
-from zengrid_gateway.access import is_loopback
 from zengrid_gateway.invalid import short
 from zengrid_gateway.problems import Problem
 
@@ -70,9 +70,9 @@ class Guard:
                 message["headers"] = [*message["headers"], *HEADERS]
                 route = getattr(scope.get("route"), "path", "other")
                 self._answered(route, message["status"], time.perf_counter() - began)
-                if message["status"] >= HTTPStatus.BAD_REQUEST and logs.wants("info"):
+                if message["status"] >= HTTPStatus.BAD_REQUEST and logs.is_enabled("info"):
                     request = {"method": scope["method"], "path": scope["path"][:200]}
-                    logs.note("info", "request failed", **request, status=message["status"])
+                    logs.log_event("info", "request failed", **request, status=message["status"])
                 await send(message)
                 if head:
                     await send({"type": "http.response.body"})

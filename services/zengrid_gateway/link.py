@@ -115,7 +115,7 @@ class MarketLink:
                 await self._loop.run_in_executor(self._threads, self._open_client)
             except (BusError, SecurityError) as error:
                 if not waiting:
-                    logs.say(f"waiting for the market: {error}", "warning")
+                    logs.print_message(f"waiting for the market: {error}", "warning")
                     waiting = True
                 await asyncio.sleep(ATTEMPT_S / 4)
 
@@ -137,9 +137,9 @@ class MarketLink:
             self._look.set()
             where = f"the market {self.run} at {self.endpoint}"
             if came:
-                logs.say(f"{where} is there")
+                logs.print_message(f"{where} is there")
             else:
-                logs.say(f"{where} is away; waiting for it", "warning")
+                logs.print_message(f"{where} is away; waiting for it", "warning")
 
     async def known_status(self) -> Status:
         """How the clock stands; no older than the latest slot, unless that has just come."""

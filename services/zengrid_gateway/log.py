@@ -19,7 +19,7 @@ class Structured(logging.Handler):
         """One record."""
         level = cast(logs.Level, record.levelname.lower().replace("critical", "error"))
         trace = {} if record.exc_info is None else {"exception": _FORMAT.formatException(record.exc_info)}
-        logs.note(level, record.getMessage(), logger=record.name, **trace)
+        logs.log_event(level, record.getMessage(), logger=record.name, **trace)
 
 
 class Printable(logging.Filter):

@@ -60,7 +60,7 @@ def serve(app: FastAPI, settings: Settings) -> None:
     """Serve until a signal asks to stop."""
     with listen(settings) as listener:
         host, port = listener.getsockname()[:2]
-        logs.say(f"run {settings.run} at http://{f'[{host}]' if ':' in host else host}:{port}")
+        logs.print_message(f"run {settings.run} at http://{f'[{host}]' if ':' in host else host}:{port}")
         config = uvicorn.Config(
             app,
             loop="uvloop",

@@ -6,9 +6,9 @@ import os
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from zengrid.bus.addresses import DEFAULT_ENDPOINT, is_loopback
 from zengrid.bus.keys import DEFAULT_RUN
-from zengrid.bus.zenoh_session import DEFAULT_ENDPOINT
-from zengrid_gateway.access import Protect, is_loopback
+from zengrid_gateway.access import Protect
 
 
 def default_tokens() -> Path:

@@ -18,7 +18,7 @@ from zengrid.bus.credentials import Credentials
 from zengrid.bus.pending_query import PendingQuery
 from zengrid.bus.spawner_link import SpawnerEvent
 from zengrid.errors import SecurityError, ZengridError
-from zengrid.processes import Event, ProcessSpec, Restarts, Supervisor
+from zengrid.processes import ProcessEvent, ProcessSpec, Restarts, Supervisor
 from zengrid.processes.start import spawn
 from zengrid.wire.codec import decode, encode
 from zengrid.wire.queries import RefusalReason
@@ -106,11 +106,11 @@ class Spawner:
         try:
             idle_s = self._idle_s()
         except Exception as error:  # noqa: BLE001
-            logs.unexpected("while it looked after its processes", error)
+            logs.print_unexpected("while it looked after its processes", error)
         try:
             return self._take(idle_s)
         except Exception as error:  # noqa: BLE001
-            logs.unexpected("while it handled an event", error)
+            logs.print_unexpected("while it handled an event", error)
             return True
 
     def _idle_s(self) -> float:
@@ -169,12 +169,12 @@ class Spawner:
         except ZengridError as error:
             self._refuse(query, event.kind, "invalid", str(error))
         except Exception as error:  # noqa: BLE001
-            logs.unexpected(f"in a request ({event.kind})", error)
+            logs.print_unexpected(f"in a request ({event.kind})", error)
             self._refuse(query, event.kind, "unavailable", f"{type(error).__name__}: {error}")
 
     def _refuse(self, query: PendingQuery, asked: str, reason: RefusalReason, message: str) -> None:
         self._refused[f"{asked}_{reason}"] += 1
-        logs.note("info", f"{asked} refused", reason=reason, why=message)
+        logs.log_event("info", f"{asked} refused", reason=reason, why=message)
         query.refuse(reason, logs.printable(message))
 
     def _spawn(self, request: SpawnRequest, query: PendingQuery) -> None:
@@ -196,7 +196,9 @@ class Spawner:
             self._children.pop(name, None)
             raise
         if child.starts:
-            logs.say(f"{name}: started for a request ({request.policy}, {request.home.pv_kw:g} kW PV)", agent=name)
+            logs.print_message(
+                f"{name}: started for a request ({request.policy}, {request.home.pv_kw:g} kW PV)", agent=name
+            )
         if request.key and name in self._children:
             self._keys[request.key] = name
             if len(self._keys) > KEYS:
@@ -254,7 +256,7 @@ class Spawner:
 
     def _why(self, child: Child) -> str:
         """What a process that was given up has said; where it said nothing, what happened to it."""
-        words = self._supervisor.last_words(child.request.home.id)
+        words = self._supervisor.last_log_lines(child.request.home.id)
         return words[-1].removeprefix("zengrid prosumer: ") if words else f"id = {child.trouble}"
 
     # ---------------------------------------------------------------- processes
@@ -279,12 +281,12 @@ class Spawner:
             words,
             title=f"zengrid prosumer {home.id}",
             log=it.logs / f"{home.id}.log",
-            restarts=Restarts(hopeless_s=ANSWER_S),
+            restarts=Restarts(unrecoverable_within_s=ANSWER_S),
         )
 
-    def _tell(self, event: Event) -> None:
+    def _tell(self, event: ProcessEvent) -> None:
         """What the supervisor has to say of a process."""
-        logs.say(event.text, "info" if event.kind in ("started", "ended") else "warning", agent=event.name)
+        logs.print_message(event.text, "info" if event.kind in ("started", "ended") else "warning", agent=event.name)
         child = self._children.get(event.name)
         if child is None:
             return
@@ -294,10 +296,10 @@ class Spawner:
         child.trouble = event.text
         if event.kind == "ended":
             self._forget(event.name)
-        elif event.kind in ("gave_up", "hopeless"):
+        elif event.kind in ("gave_up", "unrecoverable"):
             child.given_up = True
             self._answer(child)
-            if event.kind == "hopeless":
+            if event.kind == "unrecoverable":
                 # It never took part: there is nothing to show of it.
                 self._forget(event.name)
 
@@ -315,7 +317,7 @@ class Spawner:
             pid = self._supervisor.pid(name)
             if memory_mb > most_mb and pid is not None:
                 text = f"{name}: takes {memory_mb:.0f} MiB of memory, and may have {most_mb:.0f}: killing it"
-                logs.say(text, "warning", agent=name)
+                logs.print_message(text, "warning", agent=name)
                 os.kill(pid, signal.SIGKILL)
 
     def _memory_mb(self) -> float:
@@ -351,7 +353,7 @@ class Spawner:
             state=self._state(child, pid),
             restarts=max(child.starts - 1, 0),
             memory_mb=self._memory_of(name),
-            said=tuple(self._supervisor.last_words(name)),
+            said=tuple(self._supervisor.last_log_lines(name)),
         )
 
     def _state(self, child: Child, pid: int | None) -> ProcessState:

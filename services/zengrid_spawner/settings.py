@@ -6,9 +6,9 @@ import os
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from zengrid.bus.addresses import DEFAULT_ENDPOINT
 from zengrid.bus.keys import DEFAULT_RUN
 from zengrid.bus.machine_name import machine_name
-from zengrid.bus.zenoh_session import DEFAULT_ENDPOINT
 from zengrid.errors import PolicyError
 from zengrid.policy.registry import PROSUMER_POLICIES, prosumer_policy_files
 
@@ -24,7 +24,7 @@ def default_logs() -> Path:
     return Path(state) / "zengrid" / "spawner"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
     """One spawner."""
 
@@ -33,11 +33,11 @@ class Settings:
     endpoint: str = DEFAULT_ENDPOINT
     certs: Path | None = None
     """Folder of certificates, of this spawner and of all it may start, where the market needs one."""
-    limit: int = 64
+    limit: int
     """Most processes."""
-    memory_mb: float = 8192.0
+    memory_mb: float
     """Most memory of all processes together. [MiB]"""
-    process_memory_mb: float = 512.0
+    process_memory_mb: float
     """A process that takes more is killed, and started again. [MiB]"""
     logs: Path = field(default_factory=default_logs)
     policies: Path | None = None

@@ -12,8 +12,14 @@ def brief(value: object) -> str:
     return text if len(text) <= BRIEF else f"{text[: BRIEF - 3]}..."
 
 
+EXIT_FAILED = 1
+"""Exit code of a process that could not do its work, for a reason that the user can correct."""
+EXIT_USAGE = 2
+"""Exit code after a wrong command line."""
 EXIT_INTERNAL = 70
 """Exit code of a process that met an error of its own: starting it again may help."""
+EXIT_INTERRUPTED = 130
+"""Exit code after Ctrl-C."""
 
 
 class ZengridError(Exception):

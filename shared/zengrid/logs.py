@@ -1,4 +1,4 @@
-"""What a process tells on stderr: sentences for a person, or structured lines with run, day, slot and agent."""
+"""Messages of a process on stderr: sentences for a person, or structured lines with run, day, slot and agent."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import os
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Any, Literal
 
@@ -19,7 +18,7 @@ ORDER = ("time", "level", "service", "run", "day", "slot", "agent", "event")
 
 
 class _Log:
-    """How this process logs; one a process, as stderr is."""
+    """How this process logs; there is one per process, as there is one stderr."""
 
     def __init__(self) -> None:
         self.json = False
@@ -32,51 +31,25 @@ class _Log:
 _log = _Log()
 
 
-# -------------------------------------------------------------------- the switch
+# -------------------------------------------------------------------- settings
 
 
-def add_log_options(parser: argparse._ActionsContainer) -> None:
-    """Add ``--log`` and ``--log-level``; each can come from the environment instead."""
-    parser.add_argument(
-        "--log",
-        type=_one_of("log", FORMS),
-        default=os.environ.get(FORM_VARIABLE) or "text",
-        metavar="FORM",
-        help=f"text, or json: whatever is told is one JSON object a line (default: %(default)s; "
-        f"environment: {FORM_VARIABLE})",
-    )
-    parser.add_argument(
-        "--log-level",
-        type=_one_of("log level", LEVELS),
-        default=os.environ.get(LEVEL_VARIABLE) or "warning",
-        metavar="LEVEL",
-        help=f"least level of what is logged: {', '.join(LEVELS)} (default: %(default)s; "
-        f"environment: {LEVEL_VARIABLE})",
-    )
+def set_service(name: str) -> None:
+    """Set the name of the command, which begins every sentence."""
+    _log.service, _log.prefix = name, f"zengrid {name}: "
 
 
-def _one_of(name: str, permitted: Sequence[str]) -> Callable[[str], str]:
-    """Unlike the ``choices`` of argparse it checks defaults, too, which may come from the environment."""
-
-    def parse(text: str) -> str:
-        if text not in permitted:
-            raise argparse.ArgumentTypeError(f"{name} = {text}: permitted: {', '.join(permitted)}")
-        return text
-
-    return parse
-
-
-def begin(service: str, options: argparse.Namespace, *, prefix: str | None = None, **context: Any) -> None:
-    """Log as the command line asks, on the present stderr.
+def configure(service: str, options: argparse.Namespace, *, prefix: str | None = None, **context: Any) -> None:
+    """Log as the command line asks, to the present stderr.
 
     Parameters
     ----------
     service:
-        Part of every structured line.
+        Name of the service in every structured line.
     options:
-        With ``log`` and ``log_level``, see ``add_log_options``.
+        With ``log`` and ``log_level``, see ``zengrid.command_line.log_options``.
     prefix:
-        Begins every sentence for a person; by default ``zengrid SERVICE: ``.
+        Beginning of every sentence for a person; by default ``zengrid SERVICE: ``.
     context:
         Fields of every structured line, such as the run.
     """
@@ -86,18 +59,18 @@ def begin(service: str, options: argparse.Namespace, *, prefix: str | None = Non
     _log.logger = None
     sys.excepthook = _crashed
     threading.excepthook = _crashed_thread
-    if _log.json or wants("info"):
-        # Loading structlog takes a while, which nobody shall wait for in the middle of a slot.
+    if _log.json or is_enabled("info"):
+        # Loading structlog takes a while, which must not happen in the middle of a slot.
         _log.logger = _structured()
 
 
-def export(options: argparse.Namespace) -> None:
+def export_settings(options: argparse.Namespace) -> None:
     """Let all processes that are started from here log in the same way."""
     os.environ[FORM_VARIABLE], os.environ[LEVEL_VARIABLE] = options.log, options.log_level
 
 
-def bind(**context: Any) -> None:
-    """Further fields of every structured line."""
+def add_context(**context: Any) -> None:
+    """Add fields to every structured line."""
     _log.context |= context
 
 
@@ -106,39 +79,39 @@ def is_json() -> bool:
     return _log.json
 
 
-def line(event: str) -> str:
-    """An event of this process as a structured line, for a file that others go on with."""
+def format_line(event: str) -> str:
+    """Format an event of this process as a structured line, for the log file of another process."""
     import structlog
 
     return str(_structured(structlog.ReturnLogger()).info(event, **_log.context))
 
 
-def wants(level: Level) -> bool:
-    """Whether events of this level are logged; ask before gathering what costs time."""
+def is_enabled(level: Level) -> bool:
+    """Whether events of this level are logged; check it before you compute fields that take time."""
     return LEVELS.index(level) >= _log.least
 
 
-# -------------------------------------------------------------------- what is told
+# -------------------------------------------------------------------- messages
 
 
-def say(text: str, level: Level = "info", **fields: Any) -> None:
-    """Tell whoever started this process something that is told at every level, such as where it listens."""
+def print_message(text: str, level: Level = "info", **fields: Any) -> None:
+    """Print a message that is shown at every level, such as where the process listens."""
     if _log.json:
         _write(level, text, fields)
     else:
         _sentence(f"{_log.prefix}{text}")
 
 
-def fail(error: object) -> None:
-    """Say why this process ends."""
+def print_error(error: object) -> None:
+    """Print why this process ends."""
     if _log.json:
         _write("error", str(error), {})
     else:
         _sentence(f"zengrid {_log.service}: {error}")
 
 
-def unexpected(where: str, error: Exception) -> None:
-    """Tell of an error that nobody has foreseen, and that this process goes on after."""
+def print_unexpected(where: str, error: Exception) -> None:
+    """Print an unexpected error after which this process continues, with its traceback."""
     text = f"unexpected error {where}: {type(error).__name__}: {error}"
     trace = "".join(traceback.format_exception(error))
     if _log.json:
@@ -147,14 +120,14 @@ def unexpected(where: str, error: Exception) -> None:
         _sentence(f"{_log.prefix}{text}\n{trace.rstrip()}")
 
 
-def note(level: Level, event: str, **fields: Any) -> None:
-    """A structured line, where events of this level are logged."""
-    if wants(level):
+def log_event(level: Level, event: str, **fields: Any) -> None:
+    """Log an event as a structured line, if events of this level are logged."""
+    if is_enabled(level):
         _write(level, event, fields)
 
 
 def printable(text: str) -> str:
-    """Lines as they may be shown: what else a terminal would obey, or a reader not see, as ``\\u001b``."""
+    """Escape what a terminal would obey or a reader would not see, as in ``\\u001b``; line breaks stay."""
     return text if text.isprintable() else "\n".join(map(_escaped, text.split("\n")))
 
 
@@ -163,13 +136,13 @@ def _escaped(line: str) -> str:
 
 
 def _code(character: str) -> str:
-    """As JSON writes it, which is none of its own where the text is JSON."""
+    """A character in the notation of JSON, so that text that is JSON stays JSON."""
     units = character.encode("utf-16-be", "surrogatepass")
     return "".join(f"\\u{high:02x}{low:02x}" for high, low in zip(units[::2], units[1::2], strict=True))
 
 
 def _sentence(text: str) -> None:
-    # Further lines are indented: none can pass for one of its own.
+    # Further lines are indented, so that none looks like a message of its own.
     first, *more = printable(text).split("\n")
     sys.stderr.write("\n".join([first, *(line if line.startswith("  ") else f"  {line}" for line in more)]) + "\n")
     sys.stderr.flush()
@@ -182,14 +155,14 @@ def _write(level: Level, event: str, fields: dict[str, Any]) -> None:
 
 
 def _structured(target: Any = None) -> Any:
-    # Loaded where it is switched on: it would take longer than all else that an agent loads.
+    # Loaded only where it is used: it takes longer than all other imports of an agent.
     import structlog
 
     def ordered(logger: Any, method: str, fields: Any) -> Any:
         return {name: fields[name] for name in ORDER if name in fields} | dict(fields)
 
     def shown(logger: Any, method: str, line: Any) -> str:
-        return _escaped(line)  # in both forms all that cannot be printed has come with a value
+        return _escaped(line)  # in both forms only values contain unprintable characters
 
     form = (
         structlog.processors.JSONRenderer(ensure_ascii=False)
@@ -213,5 +186,5 @@ def _crashed(kind: type[BaseException], error: BaseException | None, trace: Trac
 
 
 def _crashed_thread(it: threading.ExceptHookArgs) -> None:
-    if not issubclass(it.exc_type, SystemExit):  # which ends a thread, and is no error
+    if not issubclass(it.exc_type, SystemExit):  # SystemExit ends a thread, and is no error
         _crashed(it.exc_type, it.exc_value, it.exc_traceback)

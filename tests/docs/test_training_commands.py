@@ -12,7 +12,9 @@ pytest.importorskip("torch", reason="extra learn is not installed")
 
 from support.doc_pages import blocks
 from zengrid.errors import ZengridError
-from zengrid_cli import reproduce, sweep
+from zengrid_cli.commands import reproduce_command, sweep_command
+from zengrid_cli.training.run_reproduction import plan_study
+from zengrid_cli.training.run_sweep import parse_axis, plan_sweep
 
 
 def shown() -> Iterator[tuple[list[str], str]]:
@@ -36,11 +38,11 @@ def planned(words: list[str], folder: Path) -> str:
     """Plan what a command would train; the error, if it is refused."""
     try:
         if words[1] == "reproduce":
-            left = reproduce.plan(reproduce.parser().parse_args(words[2:]), "").jobs()
+            left = plan_study(reproduce_command.parser().parse_args(words[2:]), "").jobs()
         else:
-            options = sweep.parser().parse_args(words[2:])
-            axes = dict(sweep.axis(text) for text in options.vary)
-            left = sweep.plan(options, axes, folder, "").jobs()
+            options = sweep_command.parser().parse_args(words[2:])
+            axes = dict(parse_axis(text) for text in options.vary)
+            left = plan_sweep(options, axes, folder, "").jobs()
     except ZengridError as error:
         return f"zengrid {words[1]}: {error}"
     assert left

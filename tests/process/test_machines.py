@@ -17,7 +17,7 @@ from zengrid.journal.audit import audit
 from zengrid.scenario.home_spec import HomeSpec
 from zengrid.testing import RunningMarket, free_port
 from zengrid.wire.spawner_queries import SpawnRequest
-from zengrid_cli.certs import main as certs_command
+from zengrid_cli.commands.certs_command import main as certs_command
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
 

@@ -100,7 +100,7 @@ def test_a_reproduction_is_stopped_and_goes_on_to_its_report(tmp_path: Path) -> 
     wait_for(folder, "jobs/*/training.checkpoint", process)
     process.popen.send_signal(signal.SIGINT)
     assert process.popen.wait(DEADLINE_S) == 130, process.output()
-    assert f"To go on: zengrid reproduce --out {folder}" in process.output()
+    assert f"To continue: zengrid reproduce --out {folder}" in process.output()
     assert not (folder / "report.html").exists()
     before = {path: path.stat().st_mtime_ns for path in folder.glob("jobs/*/result.json")}
 

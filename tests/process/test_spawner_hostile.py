@@ -206,7 +206,10 @@ def signals() -> Iterator[None]:
 @pytest.mark.usefixtures("signals")
 def test_an_error_that_nobody_foresaw_refuses_one_request(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     # No folder: whatever looks into it fails.
-    broken = Settings(name=NAME, run="test", logs=tmp_path, policies=cast("Path", 5))
+    broken = Settings(
+        name=NAME, run="test", logs=tmp_path, policies=cast("Path", 5), limit=64, memory_mb=8192.0,
+        process_memory_mb=512.0,
+    )  # fmt: skip
     inbox: Inbox = SimpleQueue()
     refused: list[RefusedError] = []
 

@@ -44,7 +44,7 @@ def test_it_runs_the_given_days_and_prints_a_summary(tmp_path: Path) -> None:
     assert "First slot after" in said
     assert "bill p3" in said
     assert "zengrid export --run main-1" in said
-    assert "To go on" not in said
+    assert "To continue" not in said
     assert "exit code" not in said
     assert not up.left()
 
@@ -56,7 +56,7 @@ def test_a_signal_ends_it_cleanly(tmp_path: Path, number: signal.Signals) -> Non
             assert set(AGENTS) <= set(up.children())
             up.signal(number)
             assert up.end() == 0
-        assert "To go on where it ended: zengrid up --speed 36000x" in up.process.output()
+        assert "To continue where it ended: zengrid up --speed 36000x" in up.process.output()
         assert "exit code" not in up.output()
         assert not up.left()
 
@@ -201,8 +201,10 @@ def test_a_user_error_is_one_clear_line(tmp_path: Path, options: tuple[str, ...]
     assert ended.returncode == 1
     assert complaint in ended.stderr
     assert "Traceback" not in ended.stderr + ended.stdout
-    assert ended.stderr.startswith("zengrid up: ")
-    assert len(ended.stderr.splitlines()) <= 2
+    # On a slow machine the market is shown before its error is known.
+    lines = [line for line in ended.stderr.splitlines() if " at tcp/" not in line]
+    assert lines[0].startswith("zengrid up: ")
+    assert len(lines) <= 2
 
 
 def test_a_port_that_is_taken_is_named(tmp_path: Path) -> None:
@@ -233,7 +235,7 @@ def test_the_table_is_drawn_on_a_terminal(tmp_path: Path) -> None:
     os.close(terminal)
     with process:
         shown = b""
-        while b"conventional" not in shown or b"p3" not in shown:
+        while b"baseline" not in shown or b"p3" not in shown:
             shown += os.read(controller, 65536)
         process.send_signal(signal.SIGINT)
         ended = b""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from zengrid_cli.certs import main
+from zengrid_cli.commands.certs_command import main
 
 
 def make_certs(folder: Path, *words: str) -> Path:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from itertools import zip_longest
 from pathlib import Path
 from typing import NamedTuple
 
@@ -26,7 +27,7 @@ def blocks(page: str, *languages: str) -> Iterator[Block]:
     """Blocks of some languages, in order; ``page`` is a path from the project's root."""
     text = (ROOT / page).read_text(encoding="utf-8")
     found = list(_FENCE.finditer(text))
-    for this, after in zip(found, [*found[1:], None], strict=True):
+    for this, after in zip_longest(found, found[1:]):
         if this[1] not in languages:
             continue
         follows = after is not None and after[1] == "text" and not text[this.end() : after.start()].strip()

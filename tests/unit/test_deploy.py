@@ -19,7 +19,7 @@ from support.public_names import series_names
 from zengrid.bus.access_list import AccessList
 from zengrid.bus.certificates import hosts_of, read_certificate
 from zengrid.bus.credentials import Credentials
-from zengrid_cli.health import connected
+from zengrid_cli.commands.health_command import connected
 
 ROOT = Path(__file__).parents[2]
 DEPLOY = ROOT / "deploy"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import subprocess
 import sys
@@ -11,6 +10,8 @@ import threading
 import pytest
 
 from zengrid import logs
+from zengrid.command_line.command_parser import CommandParser
+from zengrid.command_line.log_options import add_log_options
 
 
 @pytest.fixture(autouse=True)
@@ -23,16 +24,16 @@ def fresh(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def begin(*words: str) -> None:
-    parser = argparse.ArgumentParser()
-    logs.add_log_options(parser)
-    logs.begin("clock", parser.parse_args(words), run="main")
+    parser = CommandParser()
+    add_log_options(parser)
+    logs.configure("clock", parser.parse_args(words), run="main")
 
 
 def tell() -> None:
-    logs.say("waiting: disk full", "warning", day=1, slot=2)
-    logs.note("info", "agent is away", day=3, slot=4, agent="p1", before="present")
-    logs.note("debug", "fallback", agent="p1")
-    logs.fail("port = x: permitted: 1 to 65535")
+    logs.print_message("waiting: disk full", "warning", day=1, slot=2)
+    logs.log_event("info", "agent is away", day=3, slot=4, agent="p1", before="present")
+    logs.log_event("debug", "fallback", agent="p1")
+    logs.print_error("port = x: permitted: 1 to 65535")
 
 
 def test_by_default_a_person_reads_sentences_and_nothing_else(capsys: pytest.CaptureFixture[str]) -> None:
@@ -75,12 +76,15 @@ def test_what_is_unknown_is_refused_with_what_is_permitted(
 ) -> None:
     with pytest.raises(SystemExit):
         begin(*words)
-    assert f"= {words[1]}: permitted: " in capsys.readouterr().err
+    assert f"= {words[1]}: unknown; permitted: " in capsys.readouterr().err
 
 
 def test_structlog_is_loaded_only_where_it_is_asked_for() -> None:
     script = "import sys, zengrid_agent.__main__ as a; from zengrid import logs; {}; print('structlog' in sys.modules)"
-    begins = "logs.begin('grid', a.parser().parse_args(['grid'{}])); logs.note('info', 'x'); logs.say('y')"
+    begins = (
+        "logs.configure('grid', a.parser().parse_args(['grid'{}])); "
+        "logs.log_event('info', 'x'); logs.print_message('y')"
+    )
     for words, loaded in (("", "False"), (", '--log', 'json'", "True")):
         code = script.format(begins.format(words))
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -92,13 +96,13 @@ SHOWN = r"\u001b[2J\u0007red\u000d\u0000\u009b\u007f\u202e\ud800\udb40\udc01"
 
 
 def tell_hostile() -> None:
-    logs.say(f"policy = {HOSTILE}")
-    logs.fail(f"policy = {HOSTILE}")
-    logs.note("error", HOSTILE, agent=HOSTILE, why=(HOSTILE,))
+    logs.print_message(f"policy = {HOSTILE}")
+    logs.print_error(f"policy = {HOSTILE}")
+    logs.log_event("error", HOSTILE, agent=HOSTILE, why=(HOSTILE,))
     try:
         raise ValueError(HOSTILE)
     except ValueError as error:
-        logs.unexpected("in a test", error)
+        logs.print_unexpected("in a test", error)
         sys.excepthook(*sys.exc_info())
         threading.excepthook(threading.ExceptHookArgs((*sys.exc_info(), None)))
 
@@ -119,11 +123,11 @@ def test_nothing_from_outside_reaches_a_terminal_as_a_command(
 
 def test_a_text_of_several_lines_cannot_pass_for_several_events(capsys: pytest.CaptureFixture[str]) -> None:
     begin()
-    logs.say("policy = x\nzengrid clock: all is well\n  indented")
+    logs.print_message("policy = x\nzengrid clock: all is well\n  indented")
     assert capsys.readouterr().err.splitlines() == [
         "zengrid clock: policy = x", "  zengrid clock: all is well", "  indented",
     ]  # fmt: skip
-    logs.note("error", "one\ntwo", agent="p1\nlevel=error")
+    logs.log_event("error", "one\ntwo", agent="p1\nlevel=error")
     (line,) = capsys.readouterr().err.splitlines()
     assert r"one\ntwo" in line
     assert r"p1\nlevel=error" in line

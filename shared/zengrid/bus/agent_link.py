@@ -13,10 +13,11 @@ from typing import NamedTuple, Self
 import zenoh
 from zenoh import handlers
 
+from zengrid.bus.addresses import DEFAULT_ENDPOINT
 from zengrid.bus.credentials import Credentials
 from zengrid.bus.keys import KeyExpressions
 from zengrid.bus.market_client import ask
-from zengrid.bus.zenoh_session import DEFAULT_ENDPOINT, open_client
+from zengrid.bus.zenoh_session import open_client
 from zengrid.errors import BusError, RefusedError, ZengridError
 from zengrid.wire.codec import BINARY, JSON, decode, encode
 from zengrid.wire.queries import (

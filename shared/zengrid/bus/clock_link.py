@@ -15,11 +15,12 @@ import zenoh
 from zenoh import handlers
 
 from zengrid.bus.access_list import AccessList
+from zengrid.bus.addresses import DEFAULT_ENDPOINT
 from zengrid.bus.keys import KeyExpressions, agent_of, asker_of
 from zengrid.bus.pending_query import PendingQuery
 from zengrid.bus.so_linger import disable_so_linger
 from zengrid.bus.wake_timer import WakeTimer
-from zengrid.bus.zenoh_session import DEFAULT_ENDPOINT, open_clock
+from zengrid.bus.zenoh_session import open_clock
 from zengrid.errors import JournalUnavailableError, ZengridError
 from zengrid.wire.codec import JSON
 

@@ -11,6 +11,8 @@ from zengrid.errors import SecurityError
 CLOCK, ROUTER, GATEWAY, OPERATOR, SPAWNER = "clock", "router", "gateway", "operator", "spawner"
 """Certificates of those who are not agents; an agent's certificate has the name of the agent."""
 AUTHORITY = "ca"
+RESERVED_NAMES = (AUTHORITY, CLOCK, ROUTER, GATEWAY, OPERATOR)
+"""Names of roles, which no agent and no spawner may have."""
 PROTOCOLS = ("tls", "quic")
 """Links on which both sides show a certificate."""
 PROBE_S = 2.0

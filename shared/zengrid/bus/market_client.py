@@ -9,9 +9,10 @@ from typing import Literal, Self, TypeVar
 
 import zenoh
 
+from zengrid.bus.addresses import DEFAULT_ENDPOINT
 from zengrid.bus.credentials import OPERATOR, Credentials
 from zengrid.bus.keys import KeyExpressions, agent_of
-from zengrid.bus.zenoh_session import DEFAULT_ENDPOINT, open_client
+from zengrid.bus.zenoh_session import open_client
 from zengrid.errors import BusError, RefusedError
 from zengrid.wire.base import Message
 from zengrid.wire.codec import JSON, decode, encode

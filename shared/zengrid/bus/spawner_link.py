@@ -10,10 +10,11 @@ from typing import Literal, NamedTuple, Self
 import zenoh
 from zenoh import handlers
 
+from zengrid.bus.addresses import DEFAULT_ENDPOINT
 from zengrid.bus.credentials import Credentials
 from zengrid.bus.keys import KeyExpressions, agent_of
 from zengrid.bus.pending_query import PendingQuery
-from zengrid.bus.zenoh_session import DEFAULT_ENDPOINT, open_client
+from zengrid.bus.zenoh_session import open_client
 
 SpawnerEventKind = Literal["spawn", "stop", "status", "alive", "gone"]
 

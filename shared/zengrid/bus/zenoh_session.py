@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ipaddress
 import json
 import os
 import time
@@ -11,6 +10,7 @@ from typing import Any
 
 import zenoh
 
+from zengrid.bus.addresses import DEFAULT_ENDPOINT, is_loopback_endpoint
 from zengrid.bus.credentials import CLOCK, Credentials, secured
 from zengrid.errors import BusError, SecurityError
 
@@ -23,25 +23,9 @@ HANDOVER = (
 # second. Nothing waits there: what can block is sent by this program's threads. Read when the first session is opened.
 os.environ.setdefault(RUNTIME, HANDOVER.format(threads=1))
 
-DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 MAX_MESSAGE_BYTES = 16 * 2**20
-_LOOPBACK_NAMES = {"localhost"}
 FIRST_ATTEMPT_S = 2.0
 """After this time without a link it is asked whether a certificate is the reason. [s]"""
-
-
-def is_loopback(endpoint: str) -> bool:
-    """Whether an endpoint such as ``tcp/127.0.0.1:7447`` can only be reached from this machine."""
-    protocol, _, address = endpoint.partition("/")
-    if protocol == "unixsock-stream":
-        return True
-    host = address.rpartition(":")[0].strip("[]")
-    if host in _LOOPBACK_NAMES:
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
 
 
 def open_clock(
@@ -65,7 +49,7 @@ def open_clock(
     """
     credentials = None if certs is None else Credentials(certs, CLOCK)
     endpoint = secured(endpoint, credentials)
-    if credentials is None and not insecure and not is_loopback(endpoint):
+    if credentials is None and not insecure and not is_loopback_endpoint(endpoint):
         raise BusError(
             f"endpoint = {endpoint}: only loopback is allowed without authentication, such as {DEFAULT_ENDPOINT}; "
             "give certificates with --certs (zengrid certs makes them), or pass --insecure to let anyone who reaches "

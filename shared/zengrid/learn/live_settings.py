@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
-from zengrid.learn.options import EXPLORE_SLOTS
+from zengrid.learn.live_defaults import EXPLORE_SLOTS
 from zengrid.learn.settings import FOLLOWER, LEADER, Learning
 from zengrid.policy.file import Role
 

@@ -1,4 +1,4 @@
-"""What a supervised process does before its module runs; a fresh interpreter runs this module itself."""
+"""The first code of a supervised process, before its module runs; a fresh interpreter runs this module itself."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _prctl = ctypes.CDLL(None, use_errno=True).prctl
 
 def become(title: str, module: str, arguments: Iterable[str], parent: int) -> NoReturn:
     """Run a module as ``python -m`` does, as a process that ends with its supervisor and with nobody else's Ctrl-C."""
-    # SIGKILL, since a process that hangs with Python's lock held never sees another signal.
+    # SIGKILL, since a process that hangs while it holds Python's lock handles no other signal.
     _prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != parent:
         os._exit(1)
@@ -30,7 +30,7 @@ def become(title: str, module: str, arguments: Iterable[str], parent: int) -> No
             stream.flush()
         except OSError:
             code = code or 1
-    # Not ``sys.exit``: after a fork the frames below belong to the supervisor, and so do its exit handlers.
+    # Not ``sys.exit``: after a fork the frames below and the exit handlers belong to the supervisor.
     os._exit(code)
 
 
@@ -42,7 +42,7 @@ def _run(module: str) -> int:
             return (end.code or 0) & 0xFF
         sys.stderr.write(f"{end.code}\n")
         return 1
-    except BaseException:  # noqa: BLE001 - whatever it was, it ends this process and belongs into its log
+    except BaseException:  # noqa: BLE001 - whatever it is, it ends this process and belongs in its log
         sys.excepthook(*sys.exc_info())
         return 1
     return 0

@@ -19,9 +19,9 @@ class _Timespec(ctypes.Structure):
 
 
 class Signals:
-    """Takes the signals that ask a supervisor to end, and those of children that ended. Use it with ``with``.
+    """Takes the signals that ask a supervisor to end, and those of children that have ended. Use it with ``with``.
 
-    What a parent ignores stays ignored, such as the hang-up under ``nohup``.
+    Signals that the parent process ignores stay ignored, such as SIGHUP under ``nohup``.
     """
 
     def __init__(self) -> None:
@@ -44,10 +44,10 @@ class Signals:
 
 
 def _take(numbers: Iterable[signal.Signals], timeout_s: float) -> signal.Signals | None:
-    """The system's ``sigtimedwait``; None where the time is up, or the process was stopped meanwhile (Ctrl-Z).
+    """Call the system's ``sigtimedwait``; return None if the time is up, or the process was stopped meanwhile (Ctrl-Z).
 
-    In that case ``signal.sigtimedwait`` of CPython returns memory that nobody filled, and so a signal that nobody sent.
-    A descriptor or an alarm would not do: they miss what another thread of the process takes.
+    In the latter case CPython's ``signal.sigtimedwait`` returns uninitialised memory, and so a signal that was never
+    sent. A signal descriptor or an alarm cannot replace it: they miss signals that another thread takes.
     """
     wanted = sum(1 << (number - 1) for number in numbers).to_bytes(8, sys.byteorder).ljust(_SET_BYTES, b"\0")
     seconds, rest_s = divmod(timeout_s, 1.0)

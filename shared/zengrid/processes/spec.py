@@ -1,4 +1,4 @@
-"""What a supervisor is told of a process: which module it runs, where it writes, how often it may fail."""
+"""The description of a process for the supervisor: its module, its log file, and how often it may fail."""
 
 from __future__ import annotations
 
@@ -9,29 +9,29 @@ from pathlib import Path
 
 @dataclass(frozen=True, slots=True)
 class Restarts:
-    """How a process that fails is started again.
+    """How a process that fails is restarted.
 
     Parameters
     ----------
     limit:
-        Failures within ``window_s`` after which it is given up.
+        Number of failures within ``window_s`` after which the supervisor gives up.
     window_s:
-        Failures longer ago than this are forgiven. [s]
+        Failures longer ago than this do not count. [s]
     first_s, longest_s:
         Wait before the first restart; it doubles with each failure, up to the longest. [s]
-    hopeless_s:
-        An error within this time of the very first start is final: it would only happen again. Errors of the program
-        itself (``EXIT_INTERNAL``) and signals are not meant. [s]
+    unrecoverable_within_s:
+        After an error within this time of the first start the process is not restarted, since the error would happen
+        again. Internal errors (``EXIT_INTERNAL``) and signals do not count. [s]
     """
 
     limit: int = 6
     window_s: float = 60.0
     first_s: float = 0.1
     longest_s: float = 5.0
-    hopeless_s: float = 0.0
+    unrecoverable_within_s: float = 0.0
 
     def wait_s(self, failures: int) -> float:
-        """How long to wait after so many failures in a row. [s]"""
+        """The wait after this number of failures in a row. [s]"""
         return min(self.longest_s, self.first_s * 2.0 ** min(failures - 1, 60))
 
 
@@ -42,19 +42,19 @@ class ProcessSpec:
     Parameters
     ----------
     name:
-        What the supervisor, its events and the log file call it.
+        Name in the supervisor's requests and events.
     module, arguments:
         Run as ``python -m module arguments``.
     title:
-        What ``ps`` shows; by default the name.
+        Title in ``ps``; by default the name.
     again:
-        Further arguments whenever it is started again.
+        Further arguments of every restart.
     log:
-        File for its output; None leaves it the supervisor's own.
+        File of its output; None: the supervisor's own output.
     environment:
-        Variables beside those of the supervisor.
+        Environment variables in addition to those of the supervisor.
     restarts:
-        When it is started again, and when it is given up.
+        When it is restarted, and when not any more.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Two ways to start a process: a fork of a supervisor that has loaded everything already, or a fresh interpreter."""
+"""Two ways to start a process: a fork of the supervisor, which has loaded everything, or a fresh interpreter."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import sys
 import traceback
 from collections.abc import Callable, Iterable, Sequence
 
-from zengrid.processes.log import PRIVATE
+from zengrid.processes.process_log import PRIVATE
 from zengrid.processes.spec import ProcessSpec
 
 Start = Callable[[ProcessSpec, Sequence[str]], int]
 """Starts a process with these arguments and returns its id.
 
-Raises OSError where the system has no room for it, or where it does not take the arguments; ValueError where a text in
-them, or in its environment, cannot be given to a process.
+Raises OSError if the system has no memory for it or does not accept the arguments; ValueError if an argument or an
+environment variable holds a text that cannot be passed to a process.
 """
 
 _STDIN, _STDOUT, _STDERR = 0, 1, 2
@@ -23,10 +23,10 @@ _APPEND = os.O_WRONLY | os.O_CREAT | os.O_APPEND
 
 
 def fork(spec: ProcessSpec, arguments: Sequence[str]) -> int:
-    """Start it as a copy of this process: in a few milliseconds, sharing the memory of all that is imported.
+    """Start a process as a copy of this one: in a few milliseconds, with shared memory of all imported modules.
 
-    Only for a process without threads that has opened no Zenoh session: neither survives a fork. Like ``spawn``, only
-    from the main thread: the new process ends with the thread that started it.
+    Call it only in a process without threads that has opened no Zenoh session: neither survives a fork. Call it, like
+    ``spawn``, only from the main thread: the new process ends with the thread that started it.
     """
     from zengrid.processes.child import become
 
@@ -44,14 +44,14 @@ def fork(spec: ProcessSpec, arguments: Sequence[str]) -> int:
         _redirect(os.open(os.devnull, os.O_RDONLY), [_STDIN])
         if spec.log is not None:
             _redirect(os.open(spec.log, _APPEND, PRIVATE), [_STDOUT, _STDERR])
-        # What the supervisor has put in their place, or not yet written, is no business of this process.
+        # Do not use the supervisor's streams: they may be replaced, or hold text that is not written yet.
         sys.stdin, sys.stdout, sys.stderr = open(_STDIN), open(_STDOUT, "w", 1), open(_STDERR, "w", 1)  # noqa: SIM115
         os.environ.update(spec.environment)
         become(spec.title or spec.name, spec.module, arguments, parent)
-    except BaseException:  # noqa: BLE001 - nothing may get past this point
+    except BaseException:  # noqa: BLE001 - no exception may pass this point
         traceback.print_exc()
     finally:
-        # Whatever goes wrong above, this copy must never go on as a second supervisor.
+        # Whatever fails above, this copy must never continue as a second supervisor.
         os._exit(1)
 
 
@@ -62,7 +62,7 @@ def _redirect(source: int, targets: Iterable[int]) -> None:
 
 
 def spawn(spec: ProcessSpec, arguments: Sequence[str]) -> int:
-    """Start it in a fresh interpreter: slower by the time its imports take, and possible from any process."""
+    """Start a process in a fresh interpreter: slower by the time of its imports, and possible from any process."""
     actions: list[tuple[int, ...] | tuple[int, int, str, int, int]] = [
         (os.POSIX_SPAWN_OPEN, _STDIN, os.devnull, os.O_RDONLY, 0)
     ]

@@ -1,4 +1,4 @@
-"""Starts processes, watches them, starts again those that fail, gives up on those that keep failing, ends them all."""
+"""Starts processes, restarts those that fail, gives up on those that keep failing, and ends them all."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, Self
 
 from zengrid.errors import EXIT_INTERNAL
-from zengrid.processes.log import begin, bound, tail
+from zengrid.processes.process_log import limit_log, read_last_lines, start_log
 from zengrid.processes.signals import Signals
 from zengrid.processes.spec import ProcessSpec
 from zengrid.processes.start import Start, fork
 
-EventKind = Literal["started", "ended", "failed", "gave_up", "hopeless"]
-"""``failed``: it will be started again; ``gave_up``: it will not; ``hopeless``: nor would it help."""
+ProcessEventKind = Literal["started", "ended", "failed", "gave_up", "unrecoverable"]
+"""``failed``: it will be restarted; ``gave_up``: it failed too often; ``unrecoverable``: a restart would not help."""
 
 KILL_AFTER_S = 3.0
-"""How long a process that was asked to end may take. [s]"""
+"""How long a process may take to end after SIGTERM. [s]"""
 LOG_CHECK_S = 10.0
-"""How often the sizes of logs are looked at. [s]"""
+"""How often the sizes of logs are checked. [s]"""
 
 
-class Event(NamedTuple):
-    """Something that happened to a process, for whoever shows it."""
+class ProcessEvent(NamedTuple):
+    """An event of a process, with a text for a person."""
 
     name: str
-    kind: EventKind
+    kind: ProcessEventKind
     text: str
 
 
@@ -47,20 +47,20 @@ class _Process:
     failures: deque[float] = field(default_factory=deque)
     restart_at: float | None = None
     kill_at: float | None = None
-    """set once it was asked to end"""
+    """set when it was sent SIGTERM"""
     code: int | None = None
     """how it ended last: its exit code, or minus the signal that killed it"""
 
 
 class Supervisor:
-    """Looks after processes; ``poll`` does the work whenever its owner calls it. Use it with ``with``.
+    """Starts and supervises processes; ``poll`` does the work whenever its owner calls it. Use it with ``with``.
 
     A process that exits with 0 has done its work and is not started again. Any other end is a failure.
 
     Parameters
     ----------
     on_event:
-        Told what happens, from within ``start`` and ``poll``.
+        Called with each event, from within ``start`` and ``poll``.
     start:
         How processes are started: ``zengrid.processes.start.fork`` or ``spawn``.
     now:
@@ -68,9 +68,9 @@ class Supervisor:
     """
 
     def __init__(
-        self, on_event: Callable[[Event], None], start: Start = fork, now: Callable[[], float] = time.monotonic
+        self, on_event: Callable[[ProcessEvent], None], start: Start = fork, now: Callable[[], float] = time.monotonic
     ) -> None:
-        self._tell = on_event
+        self._on_event = on_event
         self._start = start
         self._now = now
         self._processes: dict[str, _Process] = {}
@@ -83,10 +83,10 @@ class Supervisor:
     def __exit__(self, *_: object) -> None:
         self.kill()
 
-    # ---------------------------------------------------------------- what its owner asks
+    # ---------------------------------------------------------------- requests of the owner
 
     def start(self, spec: ProcessSpec) -> None:
-        """Start a process and look after it from now on."""
+        """Start a process and supervise it from now on."""
         known = self._processes.get(spec.name)
         if known is not None and (known.pid is not None or known.restart_at is not None):
             raise ValueError(f"process = {spec.name}: runs already")
@@ -94,21 +94,21 @@ class Supervisor:
         self._run(process)
 
     def stop(self, name: str, within_s: float = KILL_AFTER_S) -> None:
-        """Ask a process to end (SIGTERM), and kill it after some time; it is not started again."""
+        """Send SIGTERM to a process, and SIGKILL after some time; it is not restarted."""
         process = self._processes[name]
         process.restart_at = None
         if process.pid is not None and process.kill_at is None:
             process.kill_at = self._now() + within_s
             self._signal(process, signal.SIGTERM)
 
-    def release(self) -> None:
-        """From now on processes may end as they like: none is started again."""
+    def stop_restarting(self) -> None:
+        """Restart no process from now on."""
         self._restarting = False
         for process in self._processes.values():
             process.restart_at = None
 
     def kill(self) -> None:
-        """End everything at once and wait for it."""
+        """Kill all processes and wait for their end."""
         for process in self._processes.values():
             process.restart_at = None
             if process.pid is not None:
@@ -119,7 +119,7 @@ class Supervisor:
                 process.pid = None
 
     def alive(self, names: Iterable[str] | None = None) -> list[str]:
-        """Those (of the given ones) that run, or are about to be started again."""
+        """The names (of the given ones) of processes that run or will be restarted."""
         chosen = self._processes if names is None else names
         return [
             name
@@ -132,25 +132,25 @@ class Supervisor:
         return self._processes[name].pid
 
     def code(self, name: str) -> int | None:
-        """How a process ended last: its exit code, or minus the signal that killed it; None while it never did."""
+        """How a process last ended: its exit code, or minus the signal that killed it; None if it has not ended yet."""
         return self._processes[name].code
 
-    def last_words(self, name: str) -> list[str]:
-        """The last lines that a process wrote in its present or last life."""
+    def last_log_lines(self, name: str) -> list[str]:
+        """The last lines of a process since its latest start."""
         process = self._processes[name]
-        return [] if process.spec.log is None else tail(process.spec.log, process.log_from)
+        return [] if process.spec.log is None else read_last_lines(process.spec.log, process.log_from)
 
-    # ---------------------------------------------------------------- what it does by itself
+    # ---------------------------------------------------------------- supervision
 
-    def look_after(
+    def supervise(
         self, signals: Signals, names: Iterable[str] | None = None, within_s: float = math.inf
     ) -> signal.Signals | None:
-        """Look after all processes until none of the given ones is alive, the time is up, or a signal asks to end.
+        """Supervise all processes until none of the given ones is alive, the time is up, or a signal asks to end.
 
         Returns
         -------
         signal.Signals or None
-            The signal, if that is what ended it.
+            The signal, if one ended it.
         """
         until = self._now() + within_s
         while True:
@@ -162,9 +162,9 @@ class Supervisor:
                 return asked
 
     def poll(self) -> float:
-        """Take note of processes that ended; start and kill those that are due.
+        """Handle processes that have ended; start and kill those that are due.
 
-        Call it whenever SIGCHLD has come, or the time that it returned is over. [s]
+        Call it after each SIGCHLD, and after the time that it returns. [s]
         """
         for process in list(self._processes.values()):
             if process.pid is not None:
@@ -179,7 +179,7 @@ class Supervisor:
                 process.kill_at = math.inf
                 self._signal(process, signal.SIGKILL)
         if now >= self._logs_due:
-            self._bound_logs()
+            self._limit_logs()
             self._logs_due = now + LOG_CHECK_S
         due = [self._logs_due]
         for process in self._processes.values():
@@ -194,54 +194,60 @@ class Supervisor:
         process.starts += 1
         try:
             if spec.log is not None:
-                process.log_from = begin(spec.log)
+                process.log_from = start_log(spec.log)
             process.pid = self._start(spec, (*spec.arguments, *again))
         except (OSError, ValueError) as error:
-            self._failed(process, f"cannot be started: {error}", hopeless=process.starts == 1 and _stays(error))
+            self._failed(
+                process, f"cannot be started: {error}", unrecoverable=process.starts == 1 and _is_lasting(error)
+            )
             return
-        self._tell(Event(spec.name, "started", f"{spec.name}: started" + (" again" if process.starts > 1 else "")))
+        self._on_event(
+            ProcessEvent(spec.name, "started", f"{spec.name}: started" + (" again" if process.starts > 1 else ""))
+        )
 
     def _ended(self, process: _Process, code: int) -> None:
         spec, now = process.spec, self._now()
         process.pid, process.code = None, code
         if code == 0 or process.kill_at is not None or not self._restarting:
-            self._tell(Event(spec.name, "ended", f"{spec.name}: {describe(code)}"))
+            self._on_event(ProcessEvent(spec.name, "ended", f"{spec.name}: {describe(code)}"))
             return
-        users_to_mend = code > 0 and code != EXIT_INTERNAL
-        hopeless = users_to_mend and process.starts == 1 and now - process.started < spec.restarts.hopeless_s
-        self._failed(process, describe(code), hopeless=hopeless)
+        user_error = code > 0 and code != EXIT_INTERNAL
+        unrecoverable = (
+            user_error and process.starts == 1 and now - process.started < spec.restarts.unrecoverable_within_s
+        )
+        self._failed(process, describe(code), unrecoverable=unrecoverable)
 
-    def _failed(self, process: _Process, how: str, *, hopeless: bool) -> None:
-        """Start it again after a while, or give it up."""
+    def _failed(self, process: _Process, how: str, *, unrecoverable: bool) -> None:
+        """Restart a process after a wait, or give up."""
         name, restarts, failures, now = process.spec.name, process.spec.restarts, process.failures, self._now()
         failures.append(now)
         while failures[0] < now - restarts.window_s:
             failures.popleft()
-        if hopeless:
-            self._tell(Event(name, "hopeless", f"{name}: {how}"))
+        if unrecoverable:
+            self._on_event(ProcessEvent(name, "unrecoverable", f"{name}: {how}"))
             return
         if len(failures) >= restarts.limit:
             often = f"{len(failures)} failures within {restarts.window_s:g} s"
-            self._tell(Event(name, "gave_up", f"{name}: {how}, {often}; given up"))
+            self._on_event(ProcessEvent(name, "gave_up", f"{name}: {how}, {often}; given up"))
             return
         wait_s = restarts.wait_s(len(failures))
         process.restart_at = now + wait_s
-        self._tell(Event(name, "failed", f"{name}: {how}; starting it again in {wait_s:.1f} s"))
+        self._on_event(ProcessEvent(name, "failed", f"{name}: {how}; starting it again in {wait_s:.1f} s"))
 
     def _signal(self, process: _Process, number: signal.Signals) -> None:
         assert process.pid is not None
-        # Its id cannot have passed to another process: that happens only once this one has waited for it.
+        # No other process can have this id: it is free only after this process has waited for it.
         os.kill(process.pid, number)
 
-    def _bound_logs(self) -> None:
+    def _limit_logs(self) -> None:
         for process in self._processes.values():
-            with suppress(OSError):  # such as a full disk; it is tried again
-                if process.spec.log is not None and bound(process.spec.log):
+            with suppress(OSError):  # such as a full disk; the next check tries again
+                if process.spec.log is not None and limit_log(process.spec.log):
                     process.log_from = 0
 
 
-def _stays(error: OSError | ValueError) -> bool:
-    """Whether what kept a process from starting stays as it is; room in the system or on the disk may come."""
+def _is_lasting(error: OSError | ValueError) -> bool:
+    """Whether a process cannot be started later either; missing memory or disk space may become free."""
     lasting = (ValueError, FileNotFoundError, NotADirectoryError, PermissionError)
     return isinstance(error, lasting) or error.errno == errno.E2BIG
 

@@ -14,7 +14,7 @@ from zengrid.bus.certificates import Authority, days_left, hosts_of, read_certif
 from zengrid.bus.clock_link import ClockLink
 from zengrid.bus.credentials import Credentials, secured
 from zengrid.errors import BusError, SecurityError
-from zengrid_cli.certs import main
+from zengrid_cli.commands.certs_command import main
 
 
 def contents(folder: Path, pattern: str) -> dict[str, bytes]:
@@ -73,7 +73,7 @@ def test_what_was_revoked_stays_revoked(tmp_path: Path) -> None:
     [
         (["--ids", "clock"], "id = clock: is the name of a role"),
         (["--ids", "P 1"], "id = P 1: permitted: 1 to 63 of"),
-        (["--days", "0"], "days = 0: permitted: 1 to 3650"),
+        (["--days", "0"], "days = 0: permitted: a whole number 1 to 3650"),
     ],
 )
 def test_wrong_names_are_refused(

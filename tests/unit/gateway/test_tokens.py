@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from zengrid.bus.addresses import is_loopback
 from zengrid.errors import ZengridError
-from zengrid_gateway.access import is_loopback
 from zengrid_gateway.settings import Settings
 from zengrid_gateway.tokens import Tokens
 

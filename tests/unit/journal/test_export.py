@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
+import argparse
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pytest
-import typer
 from pyarrow import csv, parquet
-from typer.testing import CliRunner
 
+from support.commands import run_zengrid
 from support.journal_records import begin, record, records, roster
 from zengrid.errors import JournalError
 from zengrid.journal import Journal, RunWriter, SlotRecord, run_view
 from zengrid.journal.table_export import FACILITY_COLUMNS, HOME_COLUMNS, SLOT_COLUMNS, TableFormat, export
-from zengrid_cli.export import days_of
-from zengrid_cli.export import export as command
+from zengrid_cli.commands.export_command import parse_day_range
 
 SLOTS = 200
 JOINED = 100
@@ -138,18 +137,14 @@ def test_an_unknown_format_is_refused(run: RunWriter, tmp_path: Path) -> None:
 # ---------------------------------------------------------------- the command
 
 
-app = typer.Typer()
-app.command()(command)
-
-
 def test_the_command_writes_a_folder_named_as_the_run(
     run: RunWriter, file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    done = CliRunner().invoke(app, ["--format", "parquet", "--days", "0"])
-    assert done.exit_code == 0, done.output
+    done = run_zengrid("export", "--format", "parquet", "--days", "0")
+    assert done.exit_code == 0, done.stderr
     assert len(read(tmp_path / "market-1" / "slots.parquet")) == 96
-    assert "market-1/homes.parquet" in done.output
+    assert "market-1/homes.parquet" in done.stdout
 
 
 @pytest.mark.parametrize(
@@ -164,19 +159,19 @@ def test_the_command_says_what_is_wrong(
     run: RunWriter, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], message: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    done = CliRunner().invoke(app, arguments)
+    done = run_zengrid("export", *arguments)
     assert done.exit_code == 1
-    assert message in done.output.replace("\n", " ")
+    assert message in done.stderr.replace("\n", " ")
 
 
 @pytest.mark.parametrize(
     ("text", "days"), [(":", (0, None)), ("2:5", (2, 5)), ("2:", (2, None)), (":5", (0, 5)), ("2", (2, 3))]
 )
 def test_days_are_given_as_a_slice(text: str, days: tuple[int, int | None]) -> None:
-    assert days_of(text) == days
+    assert parse_day_range(text) == days
 
 
 @pytest.mark.parametrize("text", ["", "x", "5:2", "2:2", "-1", "1:2:3", ":-4"])
 def test_other_days_are_refused(text: str) -> None:
-    with pytest.raises(typer.BadParameter, match="give a:b"):
-        days_of(text)
+    with pytest.raises(argparse.ArgumentTypeError, match="permitted: A:B"):
+        parse_day_range(text)

@@ -14,14 +14,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
+from support.commands import run_zengrid
 from support.journal_records import begin, changed, differences, fill, record, records, roster
 from zengrid.errors import JournalError
 from zengrid.journal import Journal, RunTotals
 from zengrid.journal.audit import audit
 from zengrid.journal.maintenance import backup, prune
-from zengrid_cli.journal import app
 
 TESTS = Path(__file__).parents[2]
 
@@ -103,9 +102,9 @@ def test_a_copy_is_made_while_a_writer_goes_on(file: Path, tmp_path: Path) -> No
                 copied = backup(journal, tmp_path / f"copy{number}.db")
                 with Journal.open(tmp_path / f"copy{number}.db", read_only=True) as copy:
                     assert copied == copy.run().count() > 200
-        refused = CliRunner().invoke(app, ["prune", "--keep-days", "1", "--journal", str(file)])
-        assert refused.exit_code == 2
-        assert "is being written by process" in refused.output
+        refused = run_zengrid("journal", "prune", "--keep-days", "1", "--journal", str(file))
+        assert refused.exit_code == 1
+        assert "is being written by process" in refused.stderr
     with Journal.open(file) as journal:
         before = journal.size()
         with journal.alone():
@@ -157,11 +156,11 @@ def test_a_damaged_last_slot_is_reported(file: Path, tmp_path: Path) -> None:
         pytest.raises(JournalError, match=r"damaged: in the last slot of run 'market-1' .*soc holds 2 of 3 homes"),
     ):
         journal.resume()
-    found = CliRunner().invoke(app, ["verify", "--journal", str(file), "--json"])
+    found = run_zengrid("journal", "verify", "--journal", str(file), "--json")
     assert found.exit_code == 1
     assert "soc" in json.loads(found.stdout)["runs"][0]["findings"][-1]
-    refused = CliRunner().invoke(app, ["backup", str(tmp_path / "copy.db"), "--journal", str(file)])
-    assert refused.exit_code == 2
+    refused = run_zengrid("journal", "backup", str(tmp_path / "copy.db"), "--journal", str(file))
+    assert refused.exit_code == 1
     assert not (tmp_path / "copy.db").exists()
 
 
@@ -172,29 +171,34 @@ def test_damaged_pages_are_reported(file: Path) -> None:
     middle = len(whole) // 2
     whole[middle : middle + 8192] = os.urandom(8192)
     file.write_bytes(whole)
-    found = CliRunner().invoke(app, ["verify", "--journal", str(file)])
-    assert found.exit_code in (1, 2)
-    assert "malformed" in found.output or "the database itself" in found.output or "damaged" in found.output
+    found = run_zengrid("journal", "verify", "--journal", str(file))
+    assert found.exit_code == 1
+    assert (
+        "malformed" in found.stdout + found.stderr
+        or "database:" in found.stdout + found.stderr
+        or "damaged" in found.stdout + found.stderr
+    )
 
 
 def test_the_commands_say_what_they_did(file: Path) -> None:
     with Journal.open(file) as journal:
         run = begin(journal)
         fill(run, homes=3, count=200)
-    run_it = CliRunner().invoke
-    said = run_it(app, ["prune", "--keep-days", "1", "--journal", str(file), "--vacuum"])
+    said = run_zengrid("journal", "prune", "--keep-days", "1", "--journal", str(file), "--vacuum")
     assert said.exit_code == 0
-    assert "market-1: 192 slots deleted, kept from position 192" in said.output
-    said = run_it(app, ["verify", "--journal", str(file)])
-    assert (said.exit_code, said.output) == (0, "market-1: 200 slots, the first 192 of them pruned: sound\n")
-    assert run_it(app, ["verify", "--journal", str(file), "--run", "nobody"]).exit_code == 2
-    assert run_it(app, ["prune", "--keep-days", "0", "--journal", str(file)]).exit_code == 2
-    assert run_it(app, ["prune", "--keep-days", "1", "--journal", str(file.with_name("none.db"))]).exit_code == 2
+    assert "market-1: 192 slots deleted, kept from position 192" in said.stdout
+    said = run_zengrid("journal", "verify", "--journal", str(file))
+    assert (said.exit_code, said.stdout) == (0, "market-1: 200 slots, the first 192 of them pruned: sound\n")
+    assert run_zengrid("journal", "verify", "--journal", str(file), "--run", "nobody").exit_code == 1
+    assert run_zengrid("journal", "prune", "--keep-days", "0", "--journal", str(file)).exit_code == 2
+    assert (
+        run_zengrid("journal", "prune", "--keep-days", "1", "--journal", str(file.with_name("none.db"))).exit_code == 1
+    )
     assert not file.with_name("none.db").exists()
     with Journal.open(file) as journal:
         resumed = journal.resume()
         made = record(3, 200)
         resumed.commit(changed(made, profit=made.profit + 1e-6))
-    said = run_it(app, ["verify", "--journal", str(file)])
+    said = run_zengrid("journal", "verify", "--journal", str(file))
     assert said.exit_code == 1
-    assert "position 200 (day 2, slot 8): profit: off by 1e-06" in said.output
+    assert "position 200 (day 2, slot 8): profit: off by 1e-06" in said.stdout

@@ -11,7 +11,7 @@ from support.journal_records import DT_H, begin, record, roster
 from zengrid.errors import JournalError
 from zengrid.journal import Journal, RunTotals, SlotRecord
 from zengrid.journal.maintenance import prune
-from zengrid_cli.results import results
+from zengrid_cli.report.run_results import add_up_run
 from zengrid_gateway.kpis import Kpis, of_run
 
 HOMES = ((0, 3), (1, 4), (2, 1), (0, 3))
@@ -91,7 +91,7 @@ def test_gateway_and_summary_report_the_same_sums(tmp_path: Path) -> None:
         slots, totals = written(journal)
         prune(journal, journal.run(), keep_days=1)
         run = journal.run()
-        summary, kpis = results(run), of_run(run.name, run.totals())
+        summary, kpis = add_up_run(run), of_run(run.name, run.totals())
     assert isinstance(kpis, Kpis)
     assert summary.slots == kpis.slots == len(slots)
     assert list(summary.bills) == list(kpis.prosumers) == list(ALL)

@@ -22,7 +22,7 @@ from zengrid.learn.sweep.job import RESULT, do
 from zengrid.learn.sweep.sweep import JOBS, Sweep, alone
 from zengrid.learn.sweep.table import save
 from zengrid.scenario import load
-from zengrid_cli.sweep import axis
+from zengrid_cli.training.run_sweep import parse_axis
 
 PAPER = load("paper")
 TINY = {"days": 2, "pool": 8, "steps": 72, "memory": 200, "hidden": (8,), "batch": 4}
@@ -132,12 +132,12 @@ def test_one_process_at_a_time_works_in_a_folder(tmp_path: Path) -> None:
 
 
 def test_values_on_the_command_line() -> None:
-    assert axis("homes.*.battery.capacity_kwh=2,4.5") == ("homes.*.battery.capacity_kwh", [2, 4.5])
-    assert axis("hidden=[64,64],[32]") == ("hidden", [(64, 64), (32,)])
-    assert axis("soc_reset=daily,never") == ("soc_reset", ["daily", "never"])
+    assert parse_axis("homes.*.battery.capacity_kwh=2,4.5") == ("homes.*.battery.capacity_kwh", [2, 4.5])
+    assert parse_axis("hidden=[64,64],[32]") == ("hidden", [(64, 64), (32,)])
+    assert parse_axis("soc_reset=daily,never") == ("soc_reset", ["daily", "never"])
     for wrong in ("steps", "=1", "steps=", "steps=1,,2"):
         with pytest.raises(PolicyError, match="give PATH=V1,V2"):
-            axis(wrong)
+            parse_axis(wrong)
 
 
 def test_batteries_of_any_size_begin_the_day_with_the_same_usable_energy() -> None:

@@ -15,7 +15,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from zengrid.processes import Event, ProcessSpec, Restarts, Signals, Supervisor
+from zengrid.processes import ProcessEvent, ProcessSpec, Restarts, Signals, Supervisor
 from zengrid.processes.start import Start, fork, spawn
 
 DEADLINE_S = 20.0
@@ -73,7 +73,7 @@ class House:
     """A supervisor with its signals and everything it told."""
 
     def __init__(self, start: Start, folder: Path) -> None:
-        self.events: list[Event] = []
+        self.events: list[ProcessEvent] = []
         self.folder = folder
         self.supervisor = Supervisor(self.events.append, start)
         self.signals = Signals()
@@ -123,14 +123,14 @@ def test_a_process_that_keeps_failing_is_given_up_and_quoted(house: House) -> No
     house.until(lambda: not house.supervisor.alive())
     assert house.kinds("bad") == ["started", "failed", "started", "failed", "started", "gave_up"]
     assert house.events[-1].text == "bad: exit code 1, 3 failures within 60 s; given up"
-    assert house.supervisor.last_words("bad") == ["no such", "thing"]
+    assert house.supervisor.last_log_lines("bad") == ["no such", "thing"]
 
 
 def test_an_exception_ends_up_in_the_log(house: House) -> None:
-    house.start("broken", restarts=Restarts(hopeless_s=10.0))
+    house.start("broken", restarts=Restarts(unrecoverable_within_s=10.0))
     house.until(lambda: not house.supervisor.alive())
-    assert house.kinds("broken") == ["started", "hopeless"]
-    assert house.supervisor.last_words("broken")[-1] == "ZeroDivisionError: division by zero"
+    assert house.kinds("broken") == ["started", "unrecoverable"]
+    assert house.supervisor.last_log_lines("broken")[-1] == "ZeroDivisionError: division by zero"
 
 
 def test_failures_of_long_ago_are_forgiven(house: House) -> None:
@@ -197,7 +197,7 @@ def test_released_processes_may_fail(house: House) -> None:
     house.start("bad", restarts=Restarts(first_s=1000.0, longest_s=1000.0))
     house.start("patient")
     house.until(lambda: "failed" in house.kinds("bad") and "ready" in house.log("patient"))
-    house.supervisor.release()
+    house.supervisor.stop_restarting()
     assert house.supervisor.alive() == ["patient"]
     pid = house.supervisor.pid("patient")
     assert pid is not None
@@ -208,14 +208,14 @@ def test_released_processes_may_fail(house: House) -> None:
 
 def test_it_is_looked_after_until_the_time_is_up(house: House) -> None:
     house.start("patient")
-    assert house.supervisor.look_after(house.signals, within_s=0.01) is None
+    assert house.supervisor.supervise(house.signals, within_s=0.01) is None
     assert house.supervisor.alive() == ["patient"]
 
 
 def test_it_is_looked_after_until_those_that_matter_have_ended(house: House) -> None:
     house.start("patient")
     house.start("twice")
-    assert house.supervisor.look_after(house.signals, ["twice"], within_s=DEADLINE_S) is None
+    assert house.supervisor.supervise(house.signals, ["twice"], within_s=DEADLINE_S) is None
     assert house.supervisor.alive() == ["patient"]
     assert house.supervisor.code("twice") == 3
 
@@ -234,7 +234,7 @@ def test_signals_that_ask_to_end_reach_the_supervisor(house: House) -> None:
     house.start("patient")
     # To this thread alone: others of the test runner's process do not block it.
     signal.pthread_kill(threading.get_ident(), signal.SIGINT)
-    assert house.supervisor.look_after(house.signals, within_s=DEADLINE_S) is signal.SIGINT
+    assert house.supervisor.supervise(house.signals, within_s=DEADLINE_S) is signal.SIGINT
 
 
 def test_no_process_outlives_a_supervisor_that_is_killed(start: Start, tmp_path: Path) -> None:
@@ -273,7 +273,7 @@ def test_one_that_cannot_be_started_is_given_up(tmp_path: Path) -> None:
 
 
 def test_a_log_that_grows_while_its_process_runs_is_bounded(house: House, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("zengrid.processes.log.MAX_BYTES", 35)
+    monkeypatch.setattr("zengrid.processes.process_log.MAX_BYTES", 35)
     monkeypatch.setattr("zengrid.processes.supervisor.LOG_CHECK_S", 0.0)
     house.start("patient")
     house.until(lambda: (house.folder / "patient.log.1").exists())
@@ -301,7 +301,7 @@ def test_what_no_process_can_be_given_is_told_and_ends_nothing(
     with house.signals, house.supervisor:
         house.start("patient")
         house.start("good", *arguments)
-        assert house.kinds("good") == ["hopeless"]
+        assert house.kinds("good") == ["unrecoverable"]
         assert f"good: cannot be started: {why}" in house.events[-1].text.replace("[Errno 7] ", "").replace(
             "'utf-8' codec can't encode character '\\ud800' in position 0: ", ""
         )
@@ -309,7 +309,7 @@ def test_what_no_process_can_be_given_is_told_and_ends_nothing(
         house.until(lambda: "ready" in house.log("patient"))
         house.start("good")
         house.until(lambda: house.supervisor.alive() == ["patient"])
-        assert house.kinds("good") == ["hopeless", "started", "ended"]
+        assert house.kinds("good") == ["unrecoverable", "started", "ended"]
 
 
 def test_a_log_that_cannot_be_written_keeps_one_process_from_starting_and_no_other(house: House) -> None:
@@ -318,9 +318,9 @@ def test_a_log_that_cannot_be_written_keeps_one_process_from_starting_and_no_oth
     folder = house.folder
     house.folder = folder / "missing"
     house.start("good")
-    assert house.kinds("good") == ["hopeless"]
+    assert house.kinds("good") == ["unrecoverable"]
     assert "No such file or directory" in house.events[-1].text
-    assert house.supervisor.last_words("good") == []
+    assert house.supervisor.last_log_lines("good") == []
     house.folder = folder
     assert house.supervisor.alive() == ["patient"]
 

@@ -36,10 +36,8 @@ def test_the_small_image_says_what_a_new_site_needs(name: str, tmp_path: Path) -
     assert village.site is not None
     elsewhere = village.site.model_copy(update={"latitude": 40.0})
     (tmp_path / "mine.yaml").write_text(dumps(village.model_copy(update={"site": elsewhere})))
-    words = ["mine.yaml", "--listen", free_endpoint(), "--journal", "z.db", "--wait", "0", "--days", "1"]
-    script = (
-        f"import sys; sys.modules[{name!r}] = None; from zengrid_clock.__main__ import main; sys.exit(main({words}))"
-    )
+    words = ["clock", "mine.yaml", "--listen", free_endpoint(), "--journal", "z.db", "--wait", "0", "--days", "1"]
+    script = f"import sys; sys.modules[{name!r}] = None; from zengrid_cli.__main__ import main; sys.exit(main({words}))"
     done = subprocess.run(
         [sys.executable, "-c", script], cwd=tmp_path, env={**os.environ, "XDG_CACHE_HOME": str(tmp_path)},
         capture_output=True, text=True, check=False, timeout=60,

@@ -1,0 +1,1 @@
+"""The commands of ``zengrid``: each module has ``parser()`` and ``main(arguments)``."""

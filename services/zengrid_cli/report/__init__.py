@@ -1,0 +1,1 @@
+"""Results of a run, of policies and of trainings as tables for a terminal."""

@@ -1,0 +1,1 @@
+"""What all commands and services share: the parser, options, values, and exit codes."""
