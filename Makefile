@@ -26,11 +26,13 @@ up: .venv/.base  ## run a market on this machine: SCENARIO=paper, ARGS="--days 7
 test: lint  ## all checks, then all tests but the slow ones: PYTEST_ARGS="-k settle"
 	$(BIN)/pytest $(PYTEST_ARGS)
 
-lint: .venv/.dev  ## ruff, mypy and the walls between the packages
+lint: .venv/.dev  ## ruff, mypy, the direction of imports, and prose
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/codespell
+	$(BIN)/python tools/prose.py
 
 format: .venv/.dev  ## let ruff mend what it can
 	$(BIN)/ruff check --fix

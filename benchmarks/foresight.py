@@ -4,7 +4,8 @@
     zengrid train paper --seeds 5 --preset thorough --out runs/thorough
     python benchmarks/foresight.py runs/thorough
 
-Claim: docs/learning.md ("How to read the optimality gap"). Takes a minute for each pair of policies; needs no more than
+Claim: docs/measurements/learning-attempts.md ("Foresight").
+Takes a minute for each pair of policies; needs no more than
 policies for the scenario ``paper``, by default those that come with zengrid.
 
 A best response knows the whole day; an agent sees its state of charge, PV, consumption and the price of the slot, and

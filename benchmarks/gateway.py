@@ -3,7 +3,8 @@
     python benchmarks/gateway.py
     nice -n 5 python benchmarks/gateway.py --seconds 3 --minutes 10
 
-Claim: docs/performance.md ("The gateway"). Takes 2 minutes plus ``--minutes``; needs ``wrk`` (``apt install wrk``).
+Claim: docs/measurements/performance.md ("The gateway").
+Takes 2 minutes plus ``--minutes``; needs ``wrk`` (``apt install wrk``).
 
 A market of the paper (clock, grid agent, three prosumers, journal on) runs at full speed; the gateway is one process
 with one event loop. ``wrk`` requests the price; a process of this script counts what live streams deliver. Market,

@@ -2,7 +2,8 @@
 
     python benchmarks/journal.py
 
-Claims: docs/journal.md ("What it costs"), docs/performance.md. Takes 2 minutes; needs disk space in the current folder,
+Claims: docs/measurements/journal.md, docs/measurements/performance.md.
+Takes 2 minutes; needs disk space in the current folder,
 whose disk is measured.
 """
 

@@ -2,7 +2,8 @@
 
     python benchmarks/learning.py --seeds 5
 
-Claims: docs/learning.md. Takes 2 minutes for five seeds of the preset ``fast`` and the leader reference; needs torch.
+Claims: docs/measurements/learning.md.
+Takes 2 minutes for five seeds of the preset ``fast`` and the leader reference; needs torch.
 Run it on a machine with nothing else to do; it uses one thread.
 
 Seeds are trained side by side as by ``zengrid train``. Every evaluation plays the policies kept so far on held-out

@@ -2,7 +2,7 @@
 
     python benchmarks/live_learning.py --seeds 5 --minutes 4 --svg docs/img/learning-live.svg
 
-Claim: docs/learning-live.md. Takes ``--seeds`` times ``--minutes``; needs torch.
+Claim: docs/measurements/live-learning.md. Takes ``--seeds`` times ``--minutes``; needs torch.
 
 Each seed is a market as users run it: ``zengrid up --learn`` at full speed, one process an agent, journal on. The curve
 is read from the journal, over windows of four weeks; the last window counts as the result.

@@ -4,7 +4,8 @@
     python benchmarks/lockstep.py --homes 3 --rounds 15 --seconds 2 --certs
     python benchmarks/lockstep.py --homes 3 --rounds 20 --against ../other-checkout
 
-Claims: docs/performance.md (slots a second, first slot), docs/security.md (what certificates cost). Takes about 10
+Claims: docs/measurements/performance.md (slots a second, first slot), docs/measurements/network.md (certificates).
+Takes about 10
 minutes with all peers, 2 without. Needs nothing more for zengrid, and benchmarks/peers/requirements.txt for the peers.
 
 A zengrid market runs as users run it, ``zengrid up`` with one process an agent and the journal on. Every round runs all

@@ -2,7 +2,7 @@
 
     sudo python benchmarks/network.py --rounds 3 --seconds 6
 
-Claim: docs/several-machines.md ("What distance costs"). Takes 5 minutes; needs root, the command ``ip`` and
+Claim: docs/measurements/network.md ("Distance"). Takes 5 minutes; needs root, the command ``ip`` and
 /dev/net/tun.
 
 The other machine is a network namespace at the end of a cable with latency and loss (tests/support/network_hosts.py; no

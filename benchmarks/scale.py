@@ -2,7 +2,7 @@
 
     python benchmarks/scale.py --rounds 2 --seconds 2
 
-Claim: docs/scaling.md. Takes 5 minutes; needs nothing.
+Claim: docs/measurements/scaling.md. Takes 5 minutes; needs nothing.
 
 Markets run as users run them, ``zengrid up`` at full speed without a page: villages of any size in two fleets, and the
 scenarios ``village`` and ``city``. Wall time depends on what else the machine does, CPU time of all processes hardly.

@@ -2,7 +2,7 @@
 
     python benchmarks/settle.py
 
-Claim: docs/performance.md, "What a slot's parts cost". Takes 10 seconds; needs nothing.
+Claim: docs/measurements/performance.md, "What the parts of a slot cost". Takes 10 seconds; needs nothing.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
     python benchmarks/soak.py --minutes 30 --faults-per-minute 40 --seed 1
 
-Claim: docs/endurance.md. Takes ``--minutes``; needs nothing.
+Claim: docs/measurements/endurance.md. Takes ``--minutes``; needs nothing.
 
 The market is the one users run, ``zengrid up`` with its web page and spawner. Each fault is drawn from the seed; its
 recovery time is read from the market's public slots: how long until the target takes part again. At the end every slot

@@ -2,7 +2,7 @@
 
     python benchmarks/throughput.py --peers
 
-Claims: docs/learning.md ("Throughput"), docs/performance.md. Takes 4 minutes, 2 without the peers; needs torch, and
+Claim: docs/measurements/performance.md ("Learning throughput"). Takes 4 minutes, 2 without the peers; needs torch, and
 benchmarks/peers/requirements.txt for the peers. Run it on a machine with nothing else to do.
 
 One thread each. zengrid plays and settles the whole market of four agents and trains all of them, with plain replay and

@@ -14,7 +14,8 @@ WIDTH = 100
 INTRODUCTION = """\
 # Command line
 
-This page lists every command of `zengrid` with all its options. `zengrid help COMMAND` shows the same in a terminal.
+This page lists every command of `zengrid` with all its options. `zengrid help COMMAND` and
+`zengrid COMMAND --help` show the same in a terminal.
 It is generated from the commands themselves by `make reference`.
 
 ## In general

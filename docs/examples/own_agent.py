@@ -1,7 +1,7 @@
-"""A prosumer agent with nothing but Zenoh and JSON: stores its own surplus, sells while the grid pays well.
+"""A prosumer agent that needs only Zenoh and JSON. It stores its surplus and sells while the grid pays well.
 
 python own_agent.py p1        # plays home p1 of the running market
-python own_agent.py p9 5 10   # brings a home of its own, with 5 kW of PV and a battery of 10 kWh
+python own_agent.py p9 5 10   # adds a home of its own, with 5 kW of PV and a battery of 10 kWh
 """
 
 import json
@@ -23,11 +23,11 @@ config = zenoh.Config.from_json5('{mode: "client", connect: {timeout_ms: 30000}}
 config.insert_json5("connect/endpoints", json.dumps([os.environ.get("ZENGRID_CONNECT", "tcp/127.0.0.1:7447")]))
 
 with zenoh.open(config) as session:
-    # Subscribe first, join second, show the liveliness token last: from then on the market waits for us.
+    # Subscribe first, join second, declare the liveliness token last: then the market waits for this agent.
     observations = session.declare_subscriber(f"{root}/agent/{name}/observation", zenoh.handlers.FifoChannel(64))
     reply = next(iter(session.get(f"{root}/clock/join/{name}", payload=json.dumps(request))), None)
     if reply is None or reply.ok is None:
-        raise SystemExit("refused: " + (reply.err.payload.to_string() if reply else "nobody answered"))
+        raise SystemExit("refused: " + (reply.err.payload.to_string() if reply else "no clock answered"))
     homes = json.loads(reply.ok.payload.to_string())["homes"]
     token = session.liveliness().declare_token(f"{root}/agent/{name}/alive")
     publisher = session.declare_publisher(
@@ -46,5 +46,5 @@ with zenoh.open(config) as session:
             slot = {key: seen[key] for key in ("run", "day", "slot", "phase")}
             publisher.put(json.dumps({**slot, "instance": me["instance"], "battery_kw": commands}))
     except KeyboardInterrupt:
-        if brought:  # what came with us leaves with us
+        if brought:  # take the home out that this agent brought
             list(session.get(f"{root}/clock/leave/{name}", payload=json.dumps(me)))

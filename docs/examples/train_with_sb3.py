@@ -1,7 +1,7 @@
 """Train a home with Stable-Baselines3 against a price schedule, compare it with the best possible, and save it.
 
 python train_with_sb3.py            # 20,000 slots, about half a minute
-python train_with_sb3.py 100000     # so many slots
+python train_with_sb3.py 100000     # another number of slots
 """
 
 import sys
@@ -18,24 +18,24 @@ from zengrid.scenario import Days
 
 slots = int(sys.argv[1]) if len(sys.argv) > 1 else 20_000
 home, prices = "p2", "tou:0.05,18:00=0.09,19:00=0.10,22:00=0.08,23:00=0.05"
-# SoC, PV, consumption, buy price, sine and cosine of the time of day, sell price: brought to about -1..1.
+# Scales SoC, PV, consumption, buy price, sine and cosine of the time of day, and sell price to about -1..1.
 offset = np.array([0.5, 1.5, 1.0, 0.075, 0.0, 0.0, 0.0725])
 scale = np.array([2.0, 0.7, 1.0, 40.0, 1.0, 1.0, 40.0])
 
 
 def market(part):
-    """The home among conventional neighbours, on days of one part."""
+    """Return the home among conventional neighbours, on training or evaluation days."""
     return MarketEnv(home, {"grid": prices}, part=part)
 
 
 def scaled(env):
-    """What the learner is given: numbers of about one."""
+    """Scale observations and rewards to about one for the learner."""
     env = TransformObservation(env, lambda seen: ((seen - offset) * scale).astype(np.float32), env.observation_space)
     return TransformReward(env, lambda reward: 5.0 * reward)
 
 
 def play(choose, days=32):
-    """Mean bill over days that training never sees. [$/day]"""
+    """Return the mean bill over days that training never sees. [$/day]"""
     env, bills = market("evaluation"), []
     for day in range(days):
         seen, _ = env.reset(options={"day": day})
@@ -48,7 +48,7 @@ def play(choose, days=32):
 
 
 def conventional(env, seen):
-    """The level nearest to the home's surplus, discharging for its own deficit."""
+    """Return the level nearest to the home's surplus; a deficit discharges the battery."""
     levels = env.episode.commands_kw[:, env.episode.agents.index(home) - 1]
     return int(np.argmin(np.abs(levels - (seen[1] - seen[2]))))
 
@@ -62,7 +62,7 @@ learner.learn(slots)
 learned = play(lambda env, seen: int(learner.predict((seen - offset) * scale, deterministic=True)[0]))
 rule = play(conventional)
 
-# The best that these commands could have done, knowing every day in advance.
+# The best result that these commands could reach if they knew every day in advance.
 episode = market("evaluation").episode
 place = episode.agents.index(home) - 1
 days = Days(episode.scenario).days(range(32))
@@ -75,7 +75,7 @@ best = best_response(
 ).bill.mean()
 print(f"{home}: conventional {rule:.3f} $/day, learned {learned:.3f}, best possible {best:.3f}")
 
-# The network as a policy of zengrid's: plays in the live market, without torch.
+# Save the network as a zengrid policy, which plays in the live market without torch.
 layers = [part for part in learner.q_net.q_net if hasattr(part, "weight")]
 PolicyFile(
     role="prosumer", observation="public", features=episode.features(home), offset=offset, scale=scale,

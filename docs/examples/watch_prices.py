@@ -1,4 +1,4 @@
-"""Prints the price of every slot as it is settled, and comes back by itself when the market does."""
+"""Print both prices of every settled slot; reconnect when the market returns."""
 
 import json
 import sys
@@ -10,7 +10,7 @@ import httpx
 
 
 def slots(url: str) -> Iterator[dict[str, object]]:
-    """Every settled slot from now on; none is missed while the gateway is away."""
+    """Yield every settled slot from now on, including those while the gateway was away."""
     seen: dict[str, str] = {}
     while True:
         try:
@@ -28,4 +28,4 @@ def slots(url: str) -> Iterator[dict[str, object]]:
 
 if __name__ == "__main__":
     for slot in islice(slots(sys.argv[1]), int(sys.argv[2])):
-        print(f"day {slot['day']} slot {slot['slot']}: pays {slot['buy_price']}, asks {slot['sell_price']} $/kWh")
+        print(f"day {slot['day']} slot {slot['slot']}: pays {slot['buy_price']}, charges {slot['sell_price']} $/kWh")

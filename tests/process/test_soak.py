@@ -1,4 +1,4 @@
-"""A minute of faults at random, then the audit; half an hour of it is in docs/endurance.md."""
+"""A minute of faults at random, then the audit; half an hour of it is in docs/measurements/endurance.md."""
 
 from __future__ import annotations
 

@@ -16,9 +16,10 @@ from zenoh import handlers
 from zengrid.bus.addresses import DEFAULT_ENDPOINT
 from zengrid.bus.credentials import Credentials
 from zengrid.bus.keys import KeyExpressions
-from zengrid.bus.market_client import ask
+from zengrid.bus.market_client import M, ask
 from zengrid.bus.zenoh_session import open_client
 from zengrid.errors import BusError, RefusedError, ZengridError
+from zengrid.wire.base import Message
 from zengrid.wire.codec import BINARY, JSON, decode, encode
 from zengrid.wire.queries import (
     JoinReply,
@@ -109,19 +110,24 @@ class AgentLink:
         """
         self._await_clock()
         self._encoding = BINARY if request.encoding == "binary" else JSON
+        market = self._ask_until_answered(self.keys.join(self.agent), request, JoinReply, timeout_s)
+        self.agent = market.agent
+        return market
+
+    def _ask_until_answered(self, key: str, request: Message, kind: type[M], timeout_s: float) -> M:
+        """Ask the clock again while it does not reply or is busy.
+
+        After a lost link the clock's token can be back before its queryables, and a busy clock refuses with
+        "unavailable".
+        """
         until = time.monotonic() + timeout_s
         while True:
             try:
-                market = ask(self._session, self.keys.join(self.agent), request, JoinReply, ATTEMPT_S)
-                break
+                return ask(self._session, key, request, kind, ATTEMPT_S)
             except (BusError, RefusedError) as error:
-                # After a lost link the clock's token can be back before its queryables, and a busy clock refuses with
-                # "unavailable". Try again in both cases.
                 if time.monotonic() > until or (isinstance(error, RefusedError) and error.reason != "unavailable"):
                     raise
                 self._closed.wait(RETRY_S)
-        self.agent = market.agent
-        return market
 
     def _await_clock(self) -> None:
         """Wait for the clock's token: a clock listens for a while before it answers queries."""
@@ -178,10 +184,22 @@ class AgentLink:
         """The scenario that the market plays, as YAML."""
         return ask(self._session, self.keys.scenario, ScenarioRequest(), ScenarioReply, timeout_s).yaml
 
-    def leave(self, instance: str, timeout_s: float = 5.0) -> LeaveReply:
-        """Take this agent's homes out of the market."""
+    def leave(self, instance: str, timeout_s: float = 10.0) -> None:
+        """Take this agent's homes out of the market.
+
+        Raises
+        ------
+        RefusedError
+            With the clock's reason.
+        BusError
+            If the clock does not reply in time.
+        """
         request = LeaveRequest(agent=self.agent, instance=instance)
-        return ask(self._session, self.keys.leave(self.agent), request, LeaveReply, timeout_s)
+        try:
+            self._ask_until_answered(self.keys.leave(self.agent), request, LeaveReply, timeout_s)
+        except RefusedError as error:
+            if error.reason != "unknown":  # an earlier request took it out, but its reply was lost
+                raise
 
     def receive(self) -> ReceivedObservation | None:
         """Wait for an observation; None once the link is closed."""
