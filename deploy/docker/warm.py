@@ -8,7 +8,7 @@ MODULES = (
     "psycopg", "pyarrow.csv", "pyarrow.parquet", "rich.console", "rich.live", "safetensors",
     "sqlalchemy.dialects.postgresql", "sqlalchemy.dialects.sqlite", "uvloop", "zengrid.journal",
     "zengrid.policy.network", "zengrid.policy.optimum", "zengrid.scenario", "zengrid_agent.grid",
-    "zengrid_agent.prosumer", "zengrid.journal.export", "zengrid_cli.live_view.watch_market",
+    "zengrid_agent.prosumer", "zengrid.journal.table_export", "zengrid_cli.live_view.watch_market",
     "zengrid_cli.local_market.local_market",
     "zengrid_clock.live_market", "zengrid_clock.resume", "zengrid_clock.clock", "zengrid_gateway.app",
     "zengrid_gateway.server", "zengrid_spawner.service",

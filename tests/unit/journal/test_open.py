@@ -192,7 +192,7 @@ def test_a_gap_is_found_before_a_run_goes_on(file: Path) -> None:
 def test_processes_may_create_it_at_the_same_time(place: str) -> None:
     script = """
 import sys
-from zengrid.journal import Journal, Run
+from zengrid.journal import Journal
 sys.stdin.readline()
 with Journal.open(sys.argv[1]) as journal:
     journal.begin(sys.argv[2], "", seed=0, dt_h=1.0, version="").finish()
@@ -220,7 +220,7 @@ def test_a_journal_in_a_read_only_folder_can_be_read(file: Path, running: bool) 
     script = """
 import os, sys
 import zengrid.journal.sqlite
-from zengrid.journal import Journal, Run
+from zengrid.journal import Journal
 os.setuid(65534)
 journal = Journal.open(sys.argv[1], read_only=True)
 print(journal.run().count(), flush=True)
