@@ -160,19 +160,20 @@ def test_history_is_what_the_journal_holds() -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "says"),
+    ("options", "code", "says"),
     [
-        (("--pv", "-1"), "home p9: pv_kw = -1.0: Input should be greater than or equal to 0"),
-        (("--battery", "10", "--load", "no-such-profile"), "no-such-profile"),
-        ((), "agent = p9: not in the scenario, so it must bring homes"),
+        (("--pv", "-1"), 2, "--pv = -1: permitted: a number from 0 kW up"),
+        (("--home", '{"id": "p9", "pv_kw": -1}'), 1, "home p9: pv_kw = -1: Input should be greater than or equal to 0"),
+        (("--battery", "10", "--load", "no-such-profile"), 1, "no-such-profile"),
+        ((), 1, "agent = p9: not in the scenario, so it must bring homes"),
     ],
 )
-def test_a_home_that_does_not_fit_is_refused_with_its_reason(options: tuple[str, ...], says: str) -> None:
+def test_a_home_that_does_not_fit_is_refused_with_its_reason(options: tuple[str, ...], code: int, says: str) -> None:
     with RunningMarket("paper") as market:
         market.start_agents(*PAPER)
         market.wait_for_slots(1)
         stranger = market.start_prosumer("p9", *options)
-        assert stranger.end() == 1
+        assert stranger.end() == code
         assert says in stranger.output()
         assert "Traceback" not in stranger.output()
         market.wait_for_slots(5)
