@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +46,7 @@ from zengrid_clock.status import StatusReport, homes_status
 if TYPE_CHECKING:
     from zengrid.journal import RosterRecord, RunWriter, SlotRecord
     from zengrid.scenario import Days, Scenario
+    from zengrid.wire.queries import JoinReply
     from zengrid.wire.slots import SettledSlot
     from zengrid_clock.retention import Retention
 
@@ -76,15 +77,6 @@ class ClockSettings:
     max_homes: int = 100_000
     journal_wait_s: float = 3600.0
     """How long to wait for a journal that cannot take a slot."""
-
-
-class BatteryPhase(NamedTuple):
-    """The outcome of a battery phase."""
-
-    command_kw: Floats
-    """(home,)"""
-    fallback: NDArray[np.bool_]
-    """(home,)"""
 
 
 class Clock:
@@ -434,7 +426,7 @@ class Clock:
         market = self.market
         return self.rosters.current(market.homes, market.specs, self.registry, market.agents)
 
-    def _join_reply(self, agent: MarketAgent) -> Any:
+    def _join_reply(self, agent: MarketAgent) -> JoinReply:
         first = self.state.next_to_begin()
         homes = self._admission.homes_of(agent)
         return self._join_replies.reply(agent, homes, first, self.market.sell_prices(first[0]))
